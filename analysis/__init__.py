@@ -1,0 +1,1 @@
+"""Input statistics, micromechanics, probability density evolution, tables and figures: no YADE needed."""

@@ -1,0 +1,116 @@
+"""Every quantity of the project, once: symbol, name, unit, shape, meaning and source.
+
+The run writer, the reader, the tables, the axis labels and the documentation all take names and units from here, so a
+unit is never written twice.  This module imports nothing but the standard library: `yade_scripts` may use it too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """One quantity: SI unit inside, display unit where a person reads.
+
+    `shape` is the shape of one sample: "" for a scalar, "3" for a vector, "3,3" for a tensor.
+    `shown_unit` and `shown_factor` turn the SI value into the displayed one (value * shown_factor, in shown_unit).
+    """
+
+    symbol: str
+    name: str
+    unit: str
+    meaning: str
+    equation: str = ""
+    shape: str = ""
+    tex: str = ""
+    shown_unit: str = ""
+    shown_factor: float = 1.0
+
+    @property
+    def label(self) -> str:
+        """Axis label with the displayed unit, e.g. 'Particle shear modulus $G_p$ (GPa)'."""
+        unit = self.shown_unit or self.unit
+        sign = f" ${self.tex}$" if self.tex else ""
+        return f"{self.name}{sign}" + (f" ({unit})" if unit not in ("", "1") else "")
+
+
+def _table(*rows: Quantity) -> dict[str, Quantity]:
+    return {row.symbol: row for row in rows}
+
+
+_kPa = dict(shown_unit="kPa", shown_factor=1e-3)
+_MPa = dict(shown_unit="MPa", shown_factor=1e-6)
+_GPa = dict(shown_unit="GPa", shown_factor=1e-9)
+_mm = dict(shown_unit="mm", shown_factor=1e3)
+_pct = dict(shown_unit="%", shown_factor=100.0)
+
+#: What a run is given.
+INPUTS = _table(
+    Quantity("mu_s", "Interparticle friction", "1", "Coulomb coefficient of every contact in shear", tex=r"\mu_s"),
+    Quantity("G_p", "Particle shear modulus", "Pa", "shear modulus of the grains' material", tex="G_p", **_GPa),
+    Quantity("mu_iso", "Consolidation friction", "1", "interparticle friction while consolidating", tex=r"\mu_{iso}"),
+    Quantity("nu", "Particle Poisson's ratio", "1", "Poisson's ratio of the grains' material", tex=r"\nu"),
+    Quantity("rho", "Grain density", "kg/m3", "density of the grains", tex=r"\rho"),
+    Quantity("sigma_3", "Confining stress", "Pa", "lateral stress held by the servo", tex=r"\sigma_3", **_kPa),
+    Quantity("d50", "Median grain size", "m", "diameter that splits the mass in halves", tex="d_{50}", **_mm),
+    Quantity("sigma_ln", "Grading width", "1", "standard deviation of ln d by mass", tex=r"\sigma_{\ln d}"),
+    Quantity("N", "Number of spheres", "1", "spheres in the periodic cell", tex="N"),
+)
+
+#: What a run records: averages over each output window, never single steps.
+RECORD = _table(
+    Quantity("eps_a", "Axial strain", "1", "logarithmic strain along z since the start of shear, compression positive",
+             tex=r"\varepsilon_a", **_pct),
+    Quantity("eps_v", "Volumetric strain", "1", "logarithmic volume strain, compression positive",
+             tex=r"\varepsilon_v", **_pct),
+    Quantity("sigma", "Stress tensor", "Pa", "Love's sum over contacts, compression positive", "Eq. 21", "3,3",
+             r"\sigma_{ij}", **_kPa),
+    Quantity("cell", "Cell edges", "m", "edge lengths of the periodic cell", shape="3", tex="L_i", **_mm),
+    Quantity("e", "Void ratio", "1", "(V - V_s) / V_s", tex="e"),
+    Quantity("e_m", "Mechanical void ratio", "1", "void ratio with particles of fewer than two contacts counted as void",
+             tex="e_m"),
+    Quantity("Z", "Coordination number", "1", "2 N_c / N", tex="Z"),
+    Quantity("Z_m", "Mechanical coordination number", "1", "(2 N_c - N_1) / (N - N_0 - N_1)", "Thornton 2000",
+             tex="Z_m"),
+    Quantity("Phi", "Fabric tensor", "1", "mean of n_i n_j over contacts", "Eq. 17", "3,3", r"\Phi_{ij}"),
+    Quantity("f_sliding", "Sliding fraction", "1", "share of contacts at the Coulomb limit", tex="f_s"),
+    Quantity("I", "Inertial number", "1", "strain rate * d50 * sqrt(rho / p')", tex="I"),
+    Quantity("F_unb", "Unbalanced force", "1", "mean resultant force over mean contact force", tex="F_{unb}"),
+    Quantity("E_elastic", "Elastic energy", "J", "stored in normal and tangential contact springs"),
+    Quantity("E_kinetic", "Kinetic energy", "J", "of the grains, about the mean flow of the cell"),
+    Quantity("E_friction", "Frictional dissipation", "J", "since the start of shear"),
+    Quantity("E_damping", "Damping dissipation", "J", "numerical damping, since the start of shear"),
+    Quantity("W_boundary", "Boundary work", "J", "V sigma_ij d eps_ij summed since the start of shear"),
+    Quantity("servo_mean", "Mean servo error", "1", "window mean of the lateral stress over its target, minus one"),
+    Quantity("servo_max", "Largest servo error", "1", "largest |lateral stress / target - 1| of the window's samples"),
+)
+
+#: What the analysis derives at every strain; the responses that PDEM propagates.
+RESPONSES = _table(
+    Quantity("eta", "Stress ratio", "1", "q / p'", tex=r"\eta = q/p'"),
+    RECORD["e"],
+    RECORD["e_m"],
+    RECORD["Z"],
+    RECORD["Z_m"],
+    Quantity("Phi_dev", "Fabric anisotropy", "1", "Phi_1 - Phi_3", "Eq. 18", tex=r"\Phi_{dev}"),
+    RECORD["eps_v"],
+)
+
+#: What the analysis derives once a run, besides the responses at the peak and at the critical state.
+SCALARS = _table(
+    Quantity("p", "Mean effective stress", "Pa", "(sigma_1 + 2 sigma_3) / 3", tex="p'", **_kPa),
+    Quantity("q", "Deviatoric stress", "Pa", "sigma_1 - sigma_3", tex="q", **_kPa),
+    Quantity("eps_peak", "Axial strain at the peak", "1", "where the smoothed stress ratio is largest",
+             tex=r"\varepsilon_{a,peak}", **_pct),
+    Quantity("G_0", "Small-strain stiffness", "Pa", "dq / (3 d eps_q) of the constant-volume probe", tex="G_0", **_MPa),
+    Quantity("K_0", "Small-strain bulk modulus", "Pa", "dp' / d eps_v at small strain", tex="K", **_MPa),
+    Quantity("D_p", "Dilatancy at the peak", "1", "-d eps_v^p / d eps_q^p", tex="D^p"),
+    Quantity("I_G", "Grading index", "1", "exp of the standard deviation of ln d by mass", "Eqs. 19-20", tex="I_G"),
+    Quantity("I_G_active", "Active grading index", "1", "I_G of the particles that carry stress", "Eqs. 19-20",
+             tex="I_G^{active}"),
+    Quantity("I_G_stress", "Stress grading index", "1", "I_G weighted by p^(m) V^(m)", "Eqs. 19, 23",
+             tex="I_G^{stress}"),
+)
+
+QUANTITIES: dict[str, Quantity] = {**INPUTS, **RECORD, **RESPONSES, **SCALARS}

@@ -1,0 +1,1 @@
+"""What to run, and getting it run: config, plan, engines, status."""
