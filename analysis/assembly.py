@@ -1,0 +1,213 @@
+"""The one assembly that all runs of a campaign share: grading -> sphere sizes and first positions, not yet touching.
+
+Sizes are quantiles of the grading, not draws from it, so that even 400 spheres have the d50 and the grading index asked
+for.  Positions are random, then pushed apart as soft spheres in the periodic cell until no pair touches.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5py
+import numpy as np
+from scipy.spatial import cKDTree
+from scipy.stats import norm
+
+from analysis.quantities import QUANTITIES
+
+DISTRIBUTIONS = ("lognormal", "loguniform", "well_graded", "gap_graded")
+_FORMAT = "dem-assembly"
+
+
+class AssemblyError(ValueError):
+    """An assembly that cannot be made, or a file that does not hold one."""
+
+
+@dataclass(frozen=True)
+class Assembly:
+    """Spheres in a periodic box: position (N, 3) m inside the box, radius (N,) m, cell (3,) edge lengths m."""
+
+    position: np.ndarray
+    radius: np.ndarray
+    cell: np.ndarray
+
+
+def make_assembly(
+    N: int,
+    d50: float,
+    sigma_ln: float,
+    seed: int,
+    distribution: str = "lognormal",
+    solid_fraction: float = 0.52,
+    *,
+    size_ratio: float = 4.0,
+    fines: float = 0.25,
+) -> Assembly:
+    """N spheres of a given grading at random places of a periodic cube, none touching another.
+
+    d50 in m is the median by mass, sigma_ln the standard deviation of ln d by mass.  The same arguments give the same
+    assembly.  `distribution`, `size_ratio` and `fines` are those of `diameters`.
+    Raises AssemblyError for arguments out of range and when no state without contacts is found.
+    """
+    if not 0.0 < solid_fraction <= 0.58:
+        raise AssemblyError(f"assembly: solid_fraction = {solid_fraction:g} is outside (0, 0.58]")
+    rng = np.random.default_rng(seed)
+    radius = rng.permutation(0.5 * diameters(N, d50, sigma_ln, distribution, size_ratio=size_ratio, fines=fines))
+    edge = (np.sum(4.0 / 3.0 * np.pi * radius**3) / solid_fraction) ** (1.0 / 3.0)
+    if 4.0 * radius.max() > edge:
+        raise AssemblyError(
+            f"assembly: the cell edge {edge:.3g} m is less than two diameters of the largest sphere; N = {N} is too few"
+        )
+    position = _push_apart(rng.uniform(0.0, edge, (N, 3)), radius, edge)
+    return Assembly(position, radius, np.full(3, edge))
+
+
+def diameters(
+    N: int,
+    d50: float,
+    sigma_ln: float,
+    distribution: str = "lognormal",
+    *,
+    size_ratio: float = 4.0,
+    fines: float = 0.25,
+) -> np.ndarray:
+    """N diameters (N,) in m, ascending, at the mid-quantiles by number of a grading given by mass.
+
+    - "lognormal": by mass, cut at three standard deviations (the default).
+    - "loguniform": the same standard deviation of ln d, spread evenly over ln d.
+    - "well_graded": Fuller's curve, mass finer ~ sqrt(d), with largest over smallest = size_ratio; sigma_ln is not used.
+    - "gap_graded": two lognormals of width sigma_ln each, medians size_ratio apart, the finer one with the mass share
+      `fines`.
+    The mass median of the result is d50 exactly.  Raises AssemblyError for arguments out of range.
+    """
+    _check_grading(N, d50, sigma_ln, distribution, size_ratio, fines)
+    x, mass = _mass_density(sigma_ln, distribution, size_ratio, fines)
+    number = mass * np.exp(-3.0 * x)
+    below = np.concatenate([[0.0], np.cumsum(0.5 * (number[1:] + number[:-1]))])
+    d = np.exp(np.interp((np.arange(N) + 0.5) / N, below / below[-1], x))
+    return d * (d50 / mass_median(d))
+
+
+def mass_median(d: np.ndarray) -> float:
+    """Diameter (m) that splits the mass of the spheres d (N,) in halves, interpolated in ln d."""
+    d = np.sort(d)
+    share = np.cumsum(d**3) - 0.5 * d**3
+    return float(np.exp(np.interp(0.5 * np.sum(d**3), share, np.log(d))))
+
+
+def write_assembly(path: str | Path, assembly: Assembly, attrs: dict | None = None) -> Path:
+    """Write an assembly to HDF5 under a temporary name and move it into place; attrs go to the file's attributes."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with h5py.File(part, "w") as file:
+            file.attrs.update({"format": _FORMAT, "format_version": 1, **(attrs or {})})
+            for name in ("position", "radius", "cell"):
+                file.create_dataset(name, data=getattr(assembly, name)).attrs["unit"] = QUANTITIES["d50"].unit
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
+    return path
+
+
+def read_assembly(path: str | Path) -> Assembly:
+    """Read what `write_assembly` wrote; AssemblyError names the file and what is wrong with it."""
+    path = Path(path)
+    if not path.is_file():
+        raise AssemblyError(f"{path}: no such assembly file")
+    try:
+        with h5py.File(path, "r") as file:
+            if file.attrs.get("format") != _FORMAT:
+                raise AssemblyError(f"{path}: not an assembly file (format = {file.attrs.get('format')!r})")
+            assembly = Assembly(*(file[name][()] for name in ("position", "radius", "cell")))
+    except (OSError, KeyError) as error:
+        raise AssemblyError(f"{path}: truncated or not an assembly file ({error})") from error
+    n = len(assembly.radius)
+    if assembly.position.shape != (n, 3) or assembly.cell.shape != (3,) or n == 0:
+        raise AssemblyError(f"{path}: position {assembly.position.shape} does not fit radius {assembly.radius.shape}")
+    return assembly
+
+
+def _check_grading(N, d50, sigma_ln, distribution, size_ratio, fines) -> None:
+    if distribution not in DISTRIBUTIONS:
+        raise AssemblyError(f"assembly: unknown distribution {distribution!r}, choose from {', '.join(DISTRIBUTIONS)}")
+    for name, value, good, limit in (
+        ("N", N, N >= 8, "at least 8"),
+        ("d50", d50, 0.0 < d50 < np.inf, "positive"),
+        ("sigma_ln", sigma_ln, 0.0 <= sigma_ln <= 1.0, "within [0, 1]"),
+        ("size_ratio", size_ratio, 1.0 < size_ratio <= 20.0, "within (1, 20]"),
+        ("fines", fines, 0.0 < fines < 1.0, "within (0, 1)"),
+    ):
+        if not good:
+            raise AssemblyError(f"assembly: {name} = {value} must be {limit}")
+
+
+def _mass_density(sigma_ln: float, distribution: str, size_ratio: float, fines: float) -> tuple[np.ndarray, np.ndarray]:
+    """Grid of ln d (up to a shift) and the mass per unit ln d on it (up to a factor)."""
+    sigma = max(sigma_ln, 1e-9)
+    if distribution == "lognormal":
+        x = np.linspace(-3.0 * sigma, 3.0 * sigma, 4001)
+        return x, norm.pdf(x / sigma)
+    if distribution == "loguniform":
+        x = np.linspace(-np.sqrt(3.0) * sigma, np.sqrt(3.0) * sigma, 4001)
+        return x, np.ones_like(x)
+    if distribution == "well_graded":
+        x = np.linspace(-np.log(size_ratio), 0.0, 4001)
+        return x, np.exp(0.5 * x)
+    apart = np.log(size_ratio)
+    x = np.linspace(-apart - 3.0 * sigma, 3.0 * sigma, 20001)
+    modes = [np.where(np.abs(x - m) <= 3.0 * sigma, norm.pdf((x - m) / sigma), 0.0) for m in (-apart, 0.0)]
+    return x, fines * modes[0] + (1.0 - fines) * modes[1]
+
+
+def _push_apart(position: np.ndarray, radius: np.ndarray, edge: float, gap: float = 0.02) -> np.ndarray:
+    """Descend the energy of soft spheres, radii inflated by `gap`, until no two true spheres touch."""
+    x, inflated = position.copy(), (1.0 + gap) * radius
+    skin = 0.3 * np.median(radius)
+    velocity = np.zeros_like(x)
+    moved, pairs = np.inf, None
+    for _ in range(4000):
+        if moved > 0.5 * skin:
+            pairs, moved = _near_pairs(x % edge, inflated, edge, skin), 0.0
+            i, j = pairs.T
+            reach = inflated[i] + inflated[j]
+        d = x[j] - x[i]
+        d -= edge * np.round(d / edge)
+        length = np.sqrt(np.einsum("ij,ij->i", d, d))
+        hit = length < reach
+        overlap = reach[hit] - length[hit]
+        if np.all(overlap < 0.75 * gap / (1.0 + gap) * reach[hit]):
+            return x % edge
+        push = d[hit] * (overlap / np.maximum(length[hit], 1e-12 * edge))[:, None]
+        for k in range(3):
+            force = np.bincount(j[hit], push[:, k], len(x)) - np.bincount(i[hit], push[:, k], len(x))
+            velocity[:, k] = 0.6 * velocity[:, k] + 0.25 * force
+        x += velocity
+        moved += np.sqrt(np.max(np.einsum("ij,ij->i", velocity, velocity)))
+    raise AssemblyError(f"assembly: {len(radius)} spheres still touch after 4000 relaxation steps; lower solid_fraction")
+
+
+def _near_pairs(x: np.ndarray, radius: np.ndarray, edge: float, skin: float) -> np.ndarray:
+    """Pairs (P, 2) closer than the sum of their radii plus skin, found size class by size class."""
+    x = np.where(x >= edge, 0.0, x)
+    classes = _size_classes(radius)
+    found = []
+    for a, first in enumerate(classes):
+        tree = cKDTree(x[first], boxsize=edge)
+        found.append(first[tree.query_pairs(2.0 * radius[first].max() + skin, output_type="ndarray")])
+        for second in classes[a + 1 :]:
+            other = cKDTree(x[second], boxsize=edge)
+            near = tree.sparse_distance_matrix(
+                other, radius[first].max() + radius[second].max() + skin, output_type="coo_matrix"
+            )
+            found.append(np.column_stack([first[near.row], second[near.col]]))
+    return np.concatenate(found)
+
+
+def _size_classes(radius: np.ndarray) -> list[np.ndarray]:
+    """Indices grouped so that within a group radii differ by less than a factor of two."""
+    octave = np.floor(np.log2(radius / radius.min()) + 1e-9).astype(int)
+    return [np.flatnonzero(octave == k) for k in np.unique(octave)]

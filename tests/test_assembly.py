@@ -1,0 +1,113 @@
+"""First positions and sizes: no contacts, the grading asked for, the file written whole or not at all."""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from analysis.assembly import (
+    DISTRIBUTIONS,
+    Assembly,
+    AssemblyError,
+    diameters,
+    make_assembly,
+    mass_median,
+    read_assembly,
+    write_assembly,
+)
+
+D50, SIGMA = 0.248e-3, 0.174
+
+
+def grading_index(d):
+    w = d**3 / np.sum(d**3)
+    mean = np.sum(w * np.log(d))
+    return np.exp(np.sqrt(np.sum(w * (np.log(d) - mean) ** 2)))
+
+
+def smallest_gap(assembly):
+    """Least surface distance over the sum of radii, all pairs and the nearest images, without the module's own search."""
+    d = assembly.position[:, None] - assembly.position[None]
+    d -= assembly.cell * np.round(d / assembly.cell)
+    ratio = np.linalg.norm(d, axis=2) / (assembly.radius[:, None] + assembly.radius[None]) - 1.0
+    return ratio[np.triu_indices(len(ratio), 1)].min()
+
+
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS)
+def test_no_pair_touches_and_the_solid_fraction_is_met(distribution):
+    a = make_assembly(400, D50, SIGMA, seed=3, distribution=distribution)
+    assert 0.0 < smallest_gap(a) < 0.1
+    assert np.all((a.position >= 0.0) & (a.position < a.cell))
+    assert np.sum(4 / 3 * np.pi * a.radius**3) / np.prod(a.cell) == pytest.approx(0.52, rel=1e-12)
+
+
+@pytest.mark.parametrize("N", [400, 1000, 23312])
+def test_grading_is_the_one_asked_for_even_for_few_spheres(N):
+    d = diameters(N, D50, SIGMA)
+    assert grading_index(d) == pytest.approx(1.19, abs=0.01)
+    assert mass_median(d) == pytest.approx(D50, rel=1e-12)
+    cumulative = np.cumsum(d**3) / np.sum(d**3)
+    assert np.interp(0.5, cumulative, d) == pytest.approx(D50, rel=0.005)
+
+
+def test_loguniform_has_the_same_width_and_the_range_of_its_closed_form():
+    d = diameters(4000, D50, SIGMA, "loguniform")
+    assert np.log(grading_index(d)) == pytest.approx(SIGMA, rel=1e-3)
+    assert np.log(d.max() / d.min()) == pytest.approx(2 * np.sqrt(3) * SIGMA, rel=1e-2)
+
+
+def test_well_graded_follows_fuller_and_gap_graded_has_its_share_of_fines():
+    d = diameters(20000, D50, SIGMA, "well_graded", size_ratio=4.0)
+    finer = np.cumsum(d**3) / np.sum(d**3)
+    fuller = (np.sqrt(d) - np.sqrt(d[0])) / (np.sqrt(d[-1]) - np.sqrt(d[0]))
+    assert np.max(np.abs(finer - fuller)) < 0.01
+    d = diameters(4000, D50, 0.05, "gap_graded", size_ratio=5.0, fines=0.3)
+    fine = d < np.sqrt(d.min() * d.max())
+    assert np.sum(d[fine] ** 3) / np.sum(d**3) == pytest.approx(0.3, abs=0.01)
+    assert mass_median(d[~fine]) / mass_median(d[fine]) == pytest.approx(5.0, rel=0.01)
+
+
+def test_one_seed_one_assembly():
+    a, b, c = (make_assembly(100, D50, SIGMA, seed=s) for s in (1, 1, 2))
+    assert np.array_equal(a.position, b.position) and np.array_equal(a.radius, b.radius)
+    assert not np.array_equal(a.radius, c.radius) and np.array_equal(np.sort(a.radius), np.sort(c.radius))
+
+
+def test_neighbours_of_mixed_sizes_are_all_found():
+    a = make_assembly(300, D50, SIGMA, seed=5, distribution="gap_graded")
+    bare = cKDTree(a.position, boxsize=a.cell[0]).query_pairs(1.2 * a.radius.max(), output_type="ndarray")
+    d = a.position[bare[:, 1]] - a.position[bare[:, 0]]
+    d -= a.cell * np.round(d / a.cell)
+    assert np.all(np.linalg.norm(d, axis=1) > a.radius[bare].sum(axis=1))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"N": 3}, "N = 3"),
+        ({"d50": -1.0}, "d50 = -1.0"),
+        ({"sigma_ln": np.nan}, "sigma_ln = nan"),
+        ({"distribution": "sieved"}, "sieved"),
+        ({"solid_fraction": 0.7}, "solid_fraction = 0.7"),
+        ({"N": 10}, "N = 10 is too few"),
+    ],
+)
+def test_arguments_out_of_range_are_named(change, words):
+    with pytest.raises(AssemblyError, match=words):
+        make_assembly(**{"N": 100, "d50": D50, "sigma_ln": SIGMA, "seed": 1, **change})
+
+
+def test_file_round_trip_leaves_nothing_else_behind(tmp_path):
+    a = make_assembly(100, D50, SIGMA, seed=1)
+    b = read_assembly(write_assembly(tmp_path / "deep" / "a.h5", a, {"seed": 1}))
+    assert isinstance(b, Assembly)
+    assert all(np.array_equal(getattr(a, k), getattr(b, k)) for k in ("position", "radius", "cell"))
+    assert [p.name for p in (tmp_path / "deep").iterdir()] == ["a.h5"]
+
+
+def test_bad_files_are_named(tmp_path):
+    with pytest.raises(AssemblyError, match="nowhere.h5: no such"):
+        read_assembly(tmp_path / "nowhere.h5")
+    path = write_assembly(tmp_path / "a.h5", make_assembly(100, D50, SIGMA, seed=1))
+    path.write_bytes(path.read_bytes()[:3000])
+    with pytest.raises(AssemblyError, match="a.h5: truncated"):
+        read_assembly(path)
