@@ -77,7 +77,7 @@ def diameters(
 
     - "lognormal": by mass, cut at three standard deviations (the default).
     - "loguniform": the same standard deviation of ln d, spread evenly over ln d.
-    - "well_graded": Fuller's curve, mass finer ~ sqrt(d), with largest over smallest = size_ratio; sigma_ln is not used.
+    - "well_graded": Fuller's curve, mass finer ~ sqrt(d), largest over smallest = size_ratio; sigma_ln is not used.
     - "gap_graded": two lognormals of width sigma_ln each, medians size_ratio apart, the finer one with the mass share
       `fines`.
     The mass median of the result is d50 exactly.  Raises AssemblyError for arguments out of range.
@@ -187,7 +187,7 @@ def _push_apart(position: np.ndarray, radius: np.ndarray, edge: float, gap: floa
             velocity[:, k] = 0.6 * velocity[:, k] + 0.25 * force
         x += velocity
         moved += np.sqrt(np.max(np.einsum("ij,ij->i", velocity, velocity)))
-    raise AssemblyError(f"assembly: {len(radius)} spheres still touch after 4000 relaxation steps; lower solid_fraction")
+    raise AssemblyError(f"assembly: {len(radius)} spheres still touch after 4000 steps; lower solid_fraction")
 
 
 def _near_pairs(x: np.ndarray, radius: np.ndarray, edge: float, skin: float) -> np.ndarray:

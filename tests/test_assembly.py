@@ -25,7 +25,7 @@ def grading_index(d):
 
 
 def smallest_gap(assembly):
-    """Least surface distance over the sum of radii, all pairs and the nearest images, without the module's own search."""
+    """Least surface distance over the sum of radii, all pairs by their nearest images, one by one."""
     d = assembly.position[:, None] - assembly.position[None]
     d -= assembly.cell * np.round(d / assembly.cell)
     ratio = np.linalg.norm(d, axis=2) / (assembly.radius[:, None] + assembly.radius[None]) - 1.0
