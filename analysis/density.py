@@ -1,0 +1,115 @@
+"""One small object for every probability density of the project, whichever way it was found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Density:
+    """Probability density of one response along strain, as cell averages on equal cells.
+
+    strain (T,); x (X,) or (T, X) cell centres; p (T, X) with p.sum(axis=1) * dx == 1; mean and std (T,) of the *points*
+    (or samples), never of the widened density.  What widens it stands beside it, all (T,) in the unit of x: `bandwidth`
+    (standard deviation of the kernel each point starts from), `numerical_width` (standard deviation the scheme added)
+    and `spacing` (typical distance between neighbouring points).  `lost_probability` (T,) is the probability of points
+    without a value; the rest was renormalised.  `low` and `high` (T, X) are a band on p, when one was computed.
+    """
+
+    strain: np.ndarray
+    x: np.ndarray
+    p: np.ndarray
+    mean: np.ndarray
+    std: np.ndarray
+    bandwidth: np.ndarray
+    method: str
+    lost_probability: np.ndarray
+    numerical_width: np.ndarray
+    spacing: np.ndarray
+    low: np.ndarray | None = field(default=None)
+    high: np.ndarray | None = field(default=None)
+
+    @property
+    def dx(self) -> np.ndarray:
+        """Cell width, (T,)."""
+        x = np.atleast_2d(self.x)
+        return np.broadcast_to((x[:, -1] - x[:, 0]) / (x.shape[1] - 1), self.strain.shape)
+
+    @property
+    def shown_width(self) -> np.ndarray:
+        """Standard deviation of everything that widens the shown density beyond its points, (T,)."""
+        return np.hypot(self.bandwidth, self.numerical_width)
+
+    @property
+    def edges(self) -> np.ndarray:
+        """Cell edges, (T, X + 1)."""
+        centres = np.broadcast_to(self.x, self.p.shape)
+        half = 0.5 * self.dx[:, None]
+        return np.concatenate([centres - half, centres[:, -1:] + half], axis=1)
+
+    def cdf(self, at=None) -> np.ndarray:
+        """Distribution function: at the cell edges (T, X + 1), or at the values `at` (n,) giving (T, n)."""
+        steps = np.concatenate([np.zeros((len(self.p), 1)), np.cumsum(self.p * self.dx[:, None], axis=1)], axis=1)
+        total = np.clip(steps / steps[:, -1:], 0.0, 1.0)
+        if at is None:
+            return total
+        at = np.atleast_1d(np.asarray(at, float))
+        return np.stack([np.interp(at, edge, row, left=0.0, right=1.0) for edge, row in zip(self.edges, total)])
+
+    def quantile(self, level) -> np.ndarray:
+        """Values (T, n) below which the probabilities `level` (n,) lie; (T,) for a single level."""
+        levels = np.atleast_1d(np.asarray(level, float))
+        if np.any((levels < 0) | (levels > 1)):
+            raise ValueError(f"quantile: level {levels.min():g} ... {levels.max():g} is not within 0 ... 1")
+        # A tiny slope keeps the distribution function strictly increasing where the density is zero.
+        ramp = np.linspace(0.0, 1e-14, self.p.shape[1] + 1)
+        found = np.stack([np.interp(levels, row + ramp, edge) for row, edge in zip(self.cdf(), self.edges)])
+        return found if np.ndim(level) else found[:, 0]
+
+    def exceedance(self, threshold) -> np.ndarray:
+        """Probability (T,) or (T, n) that the response lies above `threshold`."""
+        above = 1.0 - self.cdf(threshold)
+        return above if np.ndim(threshold) else above[:, 0]
+
+    def at(self, k: int) -> Density:
+        """The density at the k-th strain alone (T = 1)."""
+        pick = slice(k, k + 1) if k != -1 else slice(-1, None)
+        rows = {n: getattr(self, n)[pick] for n in (*_VECTORS, "p")}
+        bands = {n: None if getattr(self, n) is None else getattr(self, n)[pick] for n in ("low", "high")}
+        return replace(self, x=self.x if self.x.ndim == 1 else self.x[pick], **rows, **bands)
+
+    def to_hdf5(self, group) -> None:
+        """Write into an open h5py group: datasets pdf, x, mean, std, ... and the attributes method and bandwidth."""
+        arrays = {"pdf": self.p, "x": self.x, "pdf_low": self.low, "pdf_high": self.high}
+        arrays |= {name: getattr(self, name) for name in _VECTORS}
+        for name, value in arrays.items():
+            if name in group:
+                del group[name]
+            if value is not None:
+                group[name] = value
+        group.attrs["method"] = self.method
+        group.attrs["bandwidth"] = float(np.median(self.bandwidth))
+
+    @classmethod
+    def from_hdf5(cls, group) -> Density:
+        """Read what `to_hdf5` wrote."""
+        missing = [name for name in ("pdf", "x", *_VECTORS) if name not in group]
+        if missing:
+            raise ValueError(f"{group.file.filename}{group.name}: no density here, {missing[0]} is missing")
+        rows = {name: group[name][()] for name in _VECTORS}
+        low, high = (group[name][()] if name in group else None for name in ("pdf_low", "pdf_high"))
+        method = str(group.attrs["method"])
+        return cls(x=group["x"][()], p=group["pdf"][()], method=method, low=low, high=high, **rows)
+
+
+_VECTORS = ("strain", "mean", "std", "bandwidth", "lost_probability", "numerical_width", "spacing")
+
+
+def l1_distance(a: Density, b: Density) -> np.ndarray:
+    """Integral of |p_a - p_b| over x at each strain, (T,); both resampled to the finer cells of the two."""
+    edges = np.sort(np.concatenate([a.edges, b.edges], axis=1), axis=1)
+    return np.stack([
+        np.abs(np.diff(a.at(k).cdf(row)[0]) - np.diff(b.at(k).cdf(row)[0])).sum() for k, row in enumerate(edges)
+    ])  # fmt: skip

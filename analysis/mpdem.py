@@ -1,0 +1,133 @@
+"""Joint densities of two responses at one strain or state: the decoupled M-PDEM (Eq. 15; Lyu et al. 2024).
+
+p(x1, x2) = sum over q of p1_q(x1) p2_q(x2) / P_q.  Product kernels dilute dependence by
+s1 s2 / sqrt((s1^2 + b1^2)(s2^2 + b2^2)), so the correlation and conditional means come from the points.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis import pdem, tvd
+from analysis.density import Density
+
+
+@dataclass(frozen=True)
+class JointDensity:
+    """Joint PDF of two responses on equal cells, with its statistics from the points.
+
+    x1 (X1,), x2 (X2,) cell centres; p (X1, X2), p.sum() * dx1 * dx2 == 1; `first` and `second` are the PDEM densities
+    of the two (T = 1), which p returns as its marginals; correlation and rank_correlation (Spearman) of the points;
+    mutual_information in nats, of the shown density; diluted_correlation is what the shown density would give.
+    """
+
+    x1: np.ndarray
+    x2: np.ndarray
+    p: np.ndarray
+    first: Density
+    second: Density
+    correlation: float
+    rank_correlation: float
+    diluted_correlation: float
+    mutual_information: float
+    lost_probability: float
+    values1: np.ndarray
+    values2: np.ndarray
+    probability: np.ndarray
+
+    def marginal(self, axis: int) -> np.ndarray:
+        """Marginal density of the first (axis 0) or the second (axis 1) response from the joint one."""
+        other = self.second if axis == 0 else self.first
+        return self.p.sum(axis=1 - axis) * other.dx[0]
+
+    def conditional_mean(self, at, width: float | None = None) -> np.ndarray:
+        """Mean of the second response (n,) where the first has the values `at` (n,).
+
+        Local linear regression on the points with a Gaussian window, by default the first response's kernel width.
+        """
+        width = self.first.bandwidth[0] if width is None else width
+        off = self.values1[None, :] - np.atleast_1d(np.asarray(at, float))[:, None]
+        scaled = off / width
+        w = self.probability * np.exp(-0.5 * (scaled**2 - np.min(scaled**2, axis=1, keepdims=True)))
+        w /= w.sum(axis=1, keepdims=True)
+        mean_off = np.sum(w * off, axis=1)
+        spread = np.sum(w * (off - mean_off[:, None]) ** 2, axis=1)
+        mean = w @ self.values2
+        slope = np.sum(w * (off - mean_off[:, None]) * self.values2, axis=1) / (spread + 1e-6 * width**2)
+        return mean - slope * mean_off
+
+
+def joint_density(values1, values2, probability, bandwidth1=None, bandwidth2=None, cells: int = 200, **options):
+    """Joint PDF of two quantities with one value a point each.
+
+    values1, values2 (Q,), probability (Q,); a point without a finite value in either is lost to both (and counted).
+    bandwidths in the unit of each, by default PDEM's rule; options as in `pdem.evolve` (rule, max_lost).
+    Returns a JointDensity; its marginals are PDEM's own densities.  Raises pdem.PdemError.
+    """
+    one, two = np.asarray(values1, float), np.asarray(values2, float)
+    if one.shape != two.shape or one.ndim != 1:
+        raise pdem.PdemError(f"joint density: values of the shapes {one.shape} and {two.shape}, expected the same (Q,)")
+    both = np.isfinite(one) & np.isfinite(two)
+    one, two = np.where(both, one, np.nan), np.where(both, two, np.nan)
+    first = pdem.state_density(one, probability, bandwidth=bandwidth1, cells=cells, **options)
+    second = pdem.state_density(two, probability, bandwidth=bandwidth2, cells=cells, **options)
+    one, two = one[both], two[both]
+    weight = np.asarray(probability, float)[both]
+    weight = weight / weight.sum()
+    k1, k2 = _kernels(one, first), _kernels(two, second)
+    mass = (k1 * weight) @ k2.T
+    return JointDensity(
+        x1=first.x,
+        x2=second.x,
+        p=mass / (first.dx[0] * second.dx[0]),
+        first=first,
+        second=second,
+        correlation=correlation(one, two, weight),
+        rank_correlation=correlation(_ranks(one, weight), _ranks(two, weight), weight),
+        diluted_correlation=_diluted(one, two, weight, first, second),
+        mutual_information=_mutual_information(mass),
+        lost_probability=float(first.lost_probability[0]),
+        values1=one,
+        values2=two,
+        probability=weight,
+    )
+
+
+def joint_evolution(h1, h2, probability, rows, **options) -> list[JointDensity]:
+    """Joint PDFs of two responses h1, h2 (T, Q) at the strains with the indices `rows`."""
+    return [joint_density(h1[k], h2[k], probability, **options) for k in rows]
+
+
+def correlation(one, two, weight) -> float:
+    """Pearson correlation of weighted points; NaN where one of them does not vary."""
+    off1, off2 = one - weight @ one, two - weight @ two
+    spread = np.sqrt((weight @ off1**2) * (weight @ off2**2))
+    return float(weight @ (off1 * off2) / spread) if spread > 0 else float("nan")
+
+
+def _kernels(values, density):
+    dx = density.dx[0]
+    left = density.x[0] - 0.5 * dx
+    start = np.zeros(len(values))
+    return tvd.kernel_cells((values - left) / dx, density.bandwidth[0] / dx, start, len(density.x))
+
+
+def _ranks(values, weight):
+    """Weighted mid-ranks in 0 ... 1; equal values share theirs."""
+    level, index = np.unique(values, return_inverse=True)
+    share = np.bincount(index, weight, minlength=len(level))
+    return (np.cumsum(share) - 0.5 * share)[index]
+
+
+def _diluted(one, two, weight, first, second):
+    v1, v2 = first.std[0] ** 2, second.std[0] ** 2
+    b1, b2 = first.bandwidth[0] ** 2, second.bandwidth[0] ** 2
+    return correlation(one, two, weight) * float(np.sqrt(v1 * v2 / ((v1 + b1) * (v2 + b2))))
+
+
+def _mutual_information(mass):
+    independent = mass.sum(axis=1)[:, None] * mass.sum(axis=0)
+    some = (mass > 0) & (independent > 0)
+    return float(np.sum(mass[some] * np.log(mass[some] / independent[some])))

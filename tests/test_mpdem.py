@@ -1,0 +1,57 @@
+"""M-PDEM: marginals come back, correlation is the points', conditional means follow the dependence."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from analysis import mpdem, pdem
+
+
+@pytest.fixture()
+def points():
+    rng = np.random.default_rng(3)
+    one = rng.normal(size=80)
+    return one, 0.8 * one + 0.6 * rng.normal(size=80), rng.dirichlet(np.full(80, 4.0))
+
+
+def test_marginals_are_pdems_own(points):
+    one, two, weight = points
+    joint = mpdem.joint_density(one, two, weight)
+    alone = pdem.state_density(two, weight, cells=200)
+    assert np.max(np.abs(joint.marginal(0) - joint.first.p[0])) < 1e-10
+    assert np.max(np.abs(joint.marginal(1) - alone.p[0])) < 1e-10
+    assert joint.p.sum() * joint.first.dx[0] * joint.second.dx[0] == pytest.approx(1, abs=1e-10)
+
+
+def test_shown_correlation_is_diluted_as_predicted(points):
+    joint = mpdem.joint_density(*points, cells=400)
+    mass = joint.p * joint.first.dx[0] * joint.second.dx[0]
+    m1, m2 = mass.sum(axis=1) @ joint.x1, mass.sum(axis=0) @ joint.x2
+    s1 = np.sqrt(mass.sum(axis=1) @ (joint.x1 - m1) ** 2)
+    s2 = np.sqrt(mass.sum(axis=0) @ (joint.x2 - m2) ** 2)
+    shown = (joint.x1 - m1) @ mass @ (joint.x2 - m2) / (s1 * s2)
+    assert shown == pytest.approx(joint.diluted_correlation, abs=1e-3)
+    assert abs(joint.correlation) > abs(joint.diluted_correlation)
+
+
+def test_conditional_mean_of_a_straight_line_is_the_line(points):
+    one, _, weight = points
+    joint = mpdem.joint_density(one, 3 - 2 * one, weight)
+    assert joint.conditional_mean([-1.0, 0.5]) == pytest.approx([5.0, 2.0], abs=1e-3)
+    assert joint.correlation == pytest.approx(-1) and joint.rank_correlation == pytest.approx(-1)
+
+
+def test_independence_has_no_mutual_information():
+    one, two = (a.ravel() for a in np.meshgrid(np.linspace(-1, 1, 12), np.linspace(0, 5, 9)))
+    joint = mpdem.joint_density(one, two, np.full(108, 1 / 108))
+    assert abs(joint.correlation) < 1e-12 and abs(joint.mutual_information) < 1e-10
+
+
+def test_a_point_missing_in_one_response_is_lost_to_both(points):
+    one, two, weight = points
+    one = one.copy()
+    one[5] = np.nan
+    joint = mpdem.joint_density(one, two, weight)
+    assert joint.lost_probability == pytest.approx(weight[5])
+    assert joint.second.mean[0] == pytest.approx(np.delete(two, 5) @ np.delete(weight, 5) / (1 - weight[5]))

@@ -1,0 +1,100 @@
+"""PDEM: the same probabilities whatever the response does, its statistics, its errors."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from analysis import pdem
+
+STRAIN = np.concatenate([[0.0, 1e-4, 5e-4], np.linspace(2e-3, 0.4, 37)])
+ADVERSARIAL = ("constant", "equal", "step", "zigzag", "outlier", "missing", "crossing", "uneven")
+
+
+def adversarial(kind: str, points: int = 30) -> np.ndarray:
+    """Responses (T, Q) that break careless schemes."""
+    rng = np.random.default_rng(7)
+    base = np.linspace(0.5, 1.0, points) * (1 - np.exp(-STRAIN[:, None] / 0.01))
+    if kind == "constant":
+        return np.broadcast_to(rng.normal(size=points), base.shape).copy()
+    if kind == "equal":
+        return np.full_like(base, 0.7)
+    if kind == "step":
+        return np.where(STRAIN[:, None] > 0.1, base, -5.0)
+    if kind == "zigzag":
+        return base + np.where(np.arange(len(STRAIN)) % 2, 1.0, -1.0)[:, None] * rng.normal(size=points)
+    if kind == "outlier":
+        base[:, 4] = 1e4
+    if kind == "missing":
+        base[3:9, ::5] = np.nan
+        base[20, 1] = np.inf
+        base[30:, 2] = np.nan
+        base[:5, 3] = np.nan
+    if kind == "crossing":
+        return np.linspace(-1, 1, points) * (STRAIN[:, None] - 0.2)
+    return base
+
+
+@pytest.mark.parametrize("method", ["exact", "tvd"])
+@pytest.mark.parametrize("kind", ADVERSARIAL)
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+def test_probability_is_conserved_and_never_negative(kind, method, scale):
+    h = adversarial(kind) * scale
+    probability = np.random.default_rng(1).dirichlet(np.ones(h.shape[1]))
+    density = pdem.evolve(h, probability, STRAIN, method, cells=200)
+    assert np.max(np.abs(density.p.sum(axis=1) * density.dx - 1)) < 1e-10
+    assert density.p.min() * density.dx[0] >= -1e-14
+    known = np.isfinite(h)
+    assert density.lost_probability == pytest.approx(np.where(known, 0, probability).sum(axis=1), abs=1e-15)
+    shown = np.sum(density.p * density.x * density.dx[0], axis=1)
+    assert np.max(np.abs(shown - density.mean)) < 0.5 * density.dx[0]
+
+
+def test_lost_probability_above_its_limit_is_refused_with_the_numbers():
+    h = adversarial("missing")
+    with pytest.raises(pdem.PdemError, match=r"probability 0\.233 of points has no value at strain 0\.002, limit 0\.1"):
+        pdem.evolve(h, np.full(30, 1 / 30), STRAIN, max_lost=0.1)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (dict(h=np.zeros((3, 2))), r"shape \(3, 2\), expected \(40 strains, 30 points\)"),
+        (dict(probability=np.full(30, 0.1)), "sum 3; expected"),
+        (dict(strain=np.zeros(40)), "strain does not increase after entry 0"),
+        (dict(method="upwind"), "method 'upwind' is not one of exact, tvd"),
+        (dict(rule="eye"), "bandwidth rule 'eye'"),
+        (dict(bandwidth=-1.0), "bandwidth -1.0 is neither"),
+        (dict(method="tvd", limiter="none"), "limiter 'none' is not one of superbee"),
+        (dict(cells=10), "cells = 10 is below 64"),
+    ],
+)
+def test_bad_arguments_get_one_line(change, message):
+    given = dict(h=adversarial("uneven"), probability=np.full(30, 1 / 30), strain=STRAIN) | change
+    with pytest.raises(ValueError, match=message):
+        pdem.evolve(**given)
+
+
+def test_moments_and_quantiles_are_those_of_the_points():
+    h = np.array([[1.0, 2.0, 4.0]])
+    weight = np.array([0.5, 0.25, 0.25])
+    density = pdem.evolve(h, weight, [0.0])
+    assert density.mean[0] == pytest.approx(2.0) and density.std[0] == pytest.approx(np.sqrt(1.5))
+    assert pdem.quantiles(h, weight, [0.25, 0.625])[0] == pytest.approx([1.0, 2.0])
+
+
+def test_a_given_bandwidth_is_used_and_reported():
+    h = adversarial("uneven")
+    density = pdem.evolve(h, np.full(30, 1 / 30), STRAIN, bandwidth=0.05)
+    assert np.all(density.bandwidth == 0.05)
+    spread = np.sqrt(np.sum(density.p * density.x**2 * density.dx[:, None], axis=1) - density.mean**2)
+    within_cell = density.dx[0] ** 2 / 12
+    assert spread[-1] == pytest.approx(np.sqrt(density.std[-1] ** 2 + 0.05**2 + within_cell), rel=1e-6)
+
+
+def test_state_density_is_the_single_strain():
+    values = np.array([0.5, 0.6, np.nan, 0.9])
+    density = pdem.state_density(values, np.full(4, 0.25), strain=0.4)
+    assert density.p.shape[0] == 1 and density.strain[0] == 0.4
+    assert density.lost_probability[0] == pytest.approx(0.25)
+    assert density.mean[0] == pytest.approx(2.0 / 3)
