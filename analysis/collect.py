@@ -1,0 +1,179 @@
+"""Collects a campaign's products into arrays on one strain grid, and says what became of every run."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from analysis import runfile, weighted
+from analysis.run_states import RunStates, run_states
+
+COLUMNS = ("run_id", "stage", "family", "point", "packing", "mu_iso", "mu_s", "G_p", "product")
+CHECKED = {"consolidate": ("G_p", "mu_iso"), "shear": ("mu_s", "G_p", "mu_iso"), "probe": ("mu_s", "G_p", "mu_iso")}
+STAGE_STATES = {"shear": ("initial", "peak", "critical"), "probe": ("probe",)}
+TIMES = ("steps", "cpu_seconds", "wall_seconds", "particle_steps_per_cpu_second")
+PROOFS = ("max_inertial_number", "servo_mean_error", "servo_max_error", "energy_error", "F_unb")
+
+
+class ResponsesError(ValueError):
+    """A plan that cannot be turned into results; one line names the run or the density and the number that failed."""
+
+
+@dataclass(frozen=True)
+class FamilyDensity:
+    """All runs of one family at one density on the common strain grid of T strains: Q points, R packings.
+
+    `values` are averages over the packings, `replicates` the packings one by one; NaN where a run failed.  `weight`
+    (Q,) is zero for a point without a run and sums to 1; `lost_probability` is what was redistributed.
+    """
+
+    family: str
+    mu_iso: float
+    points: pd.DataFrame
+    planned_share: float
+    packings: tuple
+    weight: np.ndarray
+    lost_probability: float
+    extended: np.ndarray
+    values: dict[str, np.ndarray]
+    replicates: dict[str, np.ndarray]
+    states: dict[str, dict[str, np.ndarray]]
+    errors: dict[str, dict[str, np.ndarray]]
+    state_sets: dict[str, dict[str, np.ndarray]]
+    counts: dict[str, int]
+
+
+def collect(plan, points):
+    """Read every product of a plan; returns (list of FamilyDensity, strain (T,), runs frame, grains).
+
+    grains is (diameter (N,) m, grading dict) of the first run that has a snapshot.  Raises ResponsesError for a
+    missing product, other parameters than the plan's, a plan without needed columns, or points it does not know.
+    """
+    missing = [name for name in COLUMNS if name not in plan.columns]
+    if missing or len(plan) == 0:
+        raise ResponsesError(f"plan of {len(plan)} runs lacks the columns {missing}" if missing else "plan has no runs")
+    found = [_read(row) for row in plan.itertuples(index=False)]
+    runs = pd.DataFrame([line for line, _ in found])
+    kept = [(row, states) for row, (_, states) in zip(plan.itertuples(index=False), found, strict=True)]
+    strain = _strain_grid([states for row, states in kept if states and row.stage == "shear"])
+    groups = []
+    for (family, mu_iso), index in plan.groupby(["family", "mu_iso"], sort=True).indices.items():
+        rows = [kept[i] for i in index if kept[i][0].stage in STAGE_STATES]
+        if rows:
+            groups.append(_group(family, float(mu_iso), rows, points, strain))
+    grains = next((states.grains for _, states in kept if states and states.grains), (np.empty(0), {}))
+    return groups, strain, runs, grains
+
+
+def _read(row):
+    """One line of the runs table, and the run's states (None if it failed)."""
+    path = Path(row.product)
+    line = {name: getattr(row, name) for name in ("run_id", "stage", "family", "mu_iso", "point", "packing")}
+    failed = path.with_name(f"{row.run_id}.failed.json")
+    if path.exists():
+        run = runfile.read_run(path)
+        _check(run, row)
+        reason = run.attrs.get("exit_reason", "")
+        line |= {"status": "done", "reason": reason}
+        line |= {name: float(run.timing.get(name, np.nan)) for name in TIMES}
+        line |= {name: float(run.proofs.get(name, np.nan)) for name in PROOFS}
+        line |= {name: str(run.attrs.get(name, "")) for name in ("created", "yade_version", "script_digest")}
+        line["N"] = int(run.parameters.get("N", 0))
+        return line, run_states(run) if row.stage in STAGE_STATES else None
+    if not failed.exists():
+        raise ResponsesError(f"run {row.run_id}: there is no product {path}")
+    line |= {"status": "failed", "reason": str(json.loads(failed.read_text()).get("reason", "no reason given"))}
+    line |= dict.fromkeys(TIMES + PROOFS, np.nan) | {"created": "", "yade_version": "", "script_digest": "", "N": 0}
+    return line, None
+
+
+def _check(run, row):
+    if run.stage != row.stage:
+        raise ResponsesError(f"{run.path}: is a {run.stage} run, the plan wants {row.stage}")
+    for name in CHECKED.get(row.stage, ()):
+        planned, used = float(getattr(row, name)), float(run.parameters.get(name, np.nan))
+        if not np.isclose(planned, used, rtol=1e-6, atol=0):
+            raise ResponsesError(f"run {row.run_id}: {name} = {used:g} in {run.path.name}, the plan has {planned:g}")
+
+
+def _strain_grid(shears: list[RunStates]):
+    """The strains of the fullest run: the longest of those that have the most windows."""
+    if not shears:
+        raise ResponsesError("no shear run has a product: there is no response to collect")
+    best = max(shears, key=lambda states: (len(states.eps_a), states.eps_a[-1]))
+    end = max(float(states.eps_a[-1]) for states in shears)
+    if best.eps_a[-1] < end:
+        best = max((s for s in shears if s.eps_a[-1] == end), key=lambda states: len(states.eps_a))
+    return np.asarray(best.eps_a, float)
+
+
+def _group(family, mu_iso, rows, points, strain):
+    own = points[points["family"] == family] if "family" in points.columns else points
+    ids = {row.point for row, _ in rows}
+    own = own[own["id"].isin(ids)].reset_index(drop=True)
+    if len(own) < len(ids):
+        raise ResponsesError(f"{family}: the plan's points {sorted(ids - set(own['id']))} are not among the points")
+    share = float(own["probability"].sum())
+    by_point = {row.point: row for row, _ in rows}
+    own = own.assign(probability=own["probability"] / share, **{
+        name: [float(getattr(by_point[i], name)) for i in own["id"]] for name in ("mu_s", "G_p")
+    })  # fmt: skip
+    packings = tuple(sorted({row.packing for row, _ in rows}))
+    place = {point: q for q, point in enumerate(own["id"])}
+    where = {packing: r for r, packing in enumerate(packings)}
+    shape = (len(packings), len(strain), len(own))
+    replicates, extended, state_sets, error_sets = {}, np.zeros(shape, bool), {}, {}
+    for row, states in rows:
+        if states is None:
+            continue
+        r, q = where[row.packing], place[row.point]
+        for symbol in states.responses:
+            values, extended[r, :, q] = _on_grid(states, symbol, strain, row.run_id)
+            replicates.setdefault(symbol, np.full(shape, np.nan))[r, :, q] = values
+        for target, source in ((state_sets, states.states), (error_sets, states.errors)):
+            for state, table in source.items():
+                for symbol, value in table.items():
+                    target.setdefault(state, {}).setdefault(symbol, np.full(shape[::2], np.nan))[r, q] = value
+    weight = own["probability"].to_numpy().copy()
+    alive = np.isfinite(replicates["eta"]).all(axis=1).any(axis=0) if replicates else np.ones(len(own), bool)
+    lost = float(weight[~alive].sum())
+    weight[~alive] = 0.0
+    shear = [(row, states) for row, states in rows if row.stage == "shear"]
+    return FamilyDensity(
+        family=family, mu_iso=mu_iso, points=own, planned_share=share, packings=packings,
+        weight=weight / weight.sum() if lost < 1 else weight, lost_probability=lost, extended=extended.any(axis=0),
+        values={symbol: _packing_mean(sets) for symbol, sets in replicates.items()}, replicates=replicates,
+        states={state: {s: _packing_mean(v) for s, v in table.items()} for state, table in state_sets.items()},
+        errors={state: {s: _packing_error(v) for s, v in table.items()} for state, table in error_sets.items()},
+        state_sets=state_sets if len(packings) > 1 else {},
+        counts={"planned": len(shear), "done": sum(s is not None for _, s in shear),
+                "failed": sum(s is None for _, s in shear),
+                "extended": sum(s is not None and s.steady_end for _, s in shear)},
+    )  # fmt: skip
+
+
+def _on_grid(states, symbol, strain, run_id):
+    """A run's response on the common grid, and where it is continued by its critical-state average."""
+    end = states.eps_a[-1]
+    beyond = strain > end + 0.5 * np.median(np.diff(states.eps_a))
+    values = np.interp(strain, states.eps_a, states.responses[symbol])
+    if beyond.any():
+        if not states.steady_end:
+            raise ResponsesError(
+                f"run {run_id}: ends at eps_a = {end:.4g} before the campaign's {strain[-1]:.4g} and is not steady"
+            )
+        values[beyond] = states.states["critical"][symbol]
+    return values, beyond
+
+
+def _packing_mean(sets):
+    return weighted.mean(np.moveaxis(sets, 0, -1), np.ones(len(sets)))
+
+
+def _packing_error(sets):
+    count = np.maximum(np.isfinite(sets).sum(axis=0), 1)
+    return np.sqrt(_packing_mean(sets**2) / count)

@@ -1,0 +1,105 @@
+"""Figures 2 to 4: measured pairs and their marginals, the joint density with the points, the grading."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from analysis import grading
+from analysis.figures import panels, style
+from analysis.joint import Joint
+from analysis.marginals import Marginal
+
+PAIR = ("mu_s", "G_p")
+
+
+@style.styled
+def data_marginals(results):
+    """Figure 2: the measured pairs, and a histogram with the fitted densities for each of the two properties."""
+    figure = style.new_figure(7.6, 2.9)
+    scatter, *others = figure.subplots(1, 3)
+    mu_s, G_p = results.pairs.T
+    scatter.plot(mu_s, style.shown("G_p", G_p), "o", ms=3.5, color="0.25", mfc="none", mew=0.8)
+    scatter.set(xlabel=style.label("mu_s"), ylabel=style.label("G_p"), xlim=(0, None), ylim=(0, None))
+    panels.panel_title(scatter, "a", f"{len(mu_s)} pairs")
+    for axis, symbol, letter, values in zip(others, PAIR, "bc", (mu_s, G_p), strict=True):
+        factor = panels.density_factor(symbol)
+        edges = np.linspace(0, 1.02 * values.max(), 16)
+        axis.hist(values * factor, bins=edges * factor, density=True, color="0.85", edgecolor="white", lw=0.5)
+        x = np.linspace(edges[0], edges[-1] * 1.1, 300)[1:]
+        fits = [Marginal.from_dict(record) for record in results.inputs["marginals"].get(symbol, [])]
+        for k, fit in enumerate(fits[:4]):
+            look = dict(color=panels.CONTOUR_MAP(1.0 - 0.25 * k), linestyle=style.LINES[k], lw=2 - 0.3 * k)
+            text = fit.family + (f", AIC {fit.aic:.1f}" if fit.aic is not None else "")
+            axis.plot(x * factor, fit.pdf(x) / factor, label=text, **look)
+        axis.set(xlabel=style.label(symbol), ylabel=style.pdf_label(symbol), xlim=(0, x[-1] * factor))
+        axis.legend(fontsize=6.5)
+        panels.panel_title(axis, letter)
+    return figure
+
+
+@style.styled
+def joint_points(results):
+    """Figure 3: joint density as surface and contours, the representative points, and what they carry."""
+    joint = Joint.from_dict(results.inputs["joint"])
+    points = results.points
+    figure = style.new_figure(7.6, 6.4)
+    reach = [(0.4 * min(points[s].min(), column.min()), 1.1 * max(points[s].max(), column.max()))
+             for s, column in zip(PAIR, results.pairs.T, strict=True)]  # fmt: skip
+    x, y = np.meshgrid(*(np.linspace(*ends, 120) for ends in reach), indexing="ij")
+    factor = panels.density_factor("G_p")
+    height = joint.pdf(np.column_stack([x.ravel(), y.ravel()])).reshape(x.shape) / factor
+    solid = figure.add_subplot(2, 2, 1, projection="3d")
+    labels = tuple(style.short_label(symbol) for symbol in PAIR)
+    panels.draw_surface(solid, x, y * factor, height, labels, "(a) joint density")
+    flat, dots, steps = (figure.add_subplot(2, 2, k) for k in (2, 3, 4))
+    levels = np.linspace(0.03, 1, 12) * height.max()
+    filled = flat.contourf(x, y * factor, height, levels=levels, cmap=panels.CONTOUR_MAP)
+    figure.colorbar(filled, ax=flat, pad=0.02).set_label("Joint probability density (1/GPa)")
+    flat.plot(results.pairs[:, 0], style.shown("G_p", results.pairs[:, 1]), "o", ms=2.5, mfc="white", mec="k", mew=0.5)
+    panels.panel_title(flat, "b", "with the measured pairs")
+    dots.contour(x, y * factor, height, levels=levels[::3], colors="0.7", linewidths=0.7)
+    dots.scatter(points["mu_s"], style.shown("G_p", points["G_p"]), s=2000 * points["probability"] / 4 + 4,
+                 c=[panels.CONTOUR_MAP(0.8)], alpha=0.8, edgecolor="white", linewidth=0.5)  # fmt: skip
+    panels.panel_title(dots, "c", f"{len(points)} points, area = probability")
+    for axis in (flat, dots):
+        axis.set(xlabel=style.label("mu_s"), ylabel=style.label("G_p"))
+    _distribution_steps(steps, joint, points)
+    panels.panel_title(steps, "d", "the points' distribution functions")
+    return figure
+
+
+def _distribution_steps(axis, joint, points):
+    """Step functions of the points against the marginal distribution functions, each property over its median."""
+    for k, (symbol, marginal) in enumerate(zip(PAIR, joint.marginals, strict=True)):
+        median = float(marginal.ppf(0.5))
+        x = np.linspace(float(marginal.ppf(0.001)), float(marginal.ppf(0.999)), 400)
+        order = np.argsort(points[symbol].to_numpy())
+        value = points[symbol].to_numpy()[order]
+        share = np.cumsum(points["probability"].to_numpy()[order])
+        colour = panels.CONTOUR_MAP(1.0 - 0.6 * k)
+        name = style.short_label(symbol).split(" (")[0]
+        axis.plot(x / median, marginal.cdf(x), color=colour, lw=1.0, label=f"{name}, exact")
+        axis.step(value / median, share, where="post", color=colour, lw=1.6, linestyle=style.LINES[1 + k],
+                  label=f"{name}, points")  # fmt: skip
+    axis.set(xlabel="Value over its median", ylabel="Probability not exceeded", ylim=(0, 1.02))
+    axis.legend()
+
+
+@style.styled
+def grading_curve(results):
+    """Figure 4: share by mass finer than a diameter, with the median size and the grading index."""
+    figure = style.new_figure(4.6, 3.2)
+    axis = figure.subplots()
+    diameter, finer = grading.grading_curve(results.diameters)
+    axis.step(style.shown("d50", diameter), 100 * finer, where="post", color=panels.CONTOUR_MAP(0.95))
+    d50 = style.shown("d50", grading.size_at(results.diameters, 0.5))
+    axis.axvline(d50, color="0.5", lw=0.8, linestyle="--")
+    axis.axhline(50, color="0.5", lw=0.8, linestyle="--")
+    text = f"{len(diameter)} spheres\n$d_{{50}}$ = {d50:.3f} mm\n$I_G$ = {grading.grading_index(results.diameters):.3f}\n"
+    text += f"$C_u$ = {grading.uniformity(results.diameters):.2f}"
+    axis.text(0.04, 0.96, text, transform=axis.transAxes, va="top")
+    axis.set(xlabel="Diameter (mm)", ylabel="Finer by mass (%)", ylim=(0, 102), xscale="log")
+    ticks = [t for t in (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 1.0) if 0.7 * diameter[0] < t / 1e3 < 1.4 * diameter[-1]]
+    axis.set_xticks(ticks, [f"{t:g}" for t in ticks])
+    axis.minorticks_off()
+    return figure

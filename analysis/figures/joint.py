@@ -1,0 +1,66 @@
+"""Figures 14 and 15: joint densities of the stress ratio with void ratios and with coordination numbers."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+
+from analysis import mpdem
+from analysis.figures import panels, style
+
+
+@style.styled
+def joint_figure(results, symbols, state="critical"):
+    """Joint PDFs of eta with each of two quantities at a state, as contours with the points and as surfaces."""
+    densities = results.family_densities()
+    figure = style.new_figure(7.4, 7.0)
+    for row, symbol in enumerate(symbols):
+        eta, other, weight = pooled(results, state, ("eta", symbol))
+        joint = mpdem.joint_density(eta, other, weight)
+        flat = figure.add_subplot(2, 2, 2 * row + 1)
+        factor = panels.density_factor(symbol)
+        filled = flat.contourf(joint.x1, joint.x2 * factor, joint.p.T / factor, cmap=panels.CONTOUR_MAP,
+                               levels=np.linspace(0.03, 1, 12) * joint.p.max() / factor)  # fmt: skip
+        _points(flat, results, state, symbol, legend=row == 0)
+        seen = np.flatnonzero((joint.p > 0.01 * joint.p.max()).any(axis=1))
+        line = joint.x1[seen]
+        flat.plot(line, joint.conditional_mean(line) * factor, color="k", lw=1.2)
+        flat.set(xlabel=style.label("eta"), ylabel=style.label(symbol), xlim=(line[0], line[-1]))
+        also = np.flatnonzero((joint.p > 0.01 * joint.p.max()).any(axis=0))
+        flat.set_ylim(joint.x2[also[0]] * factor, joint.x2[also[-1]] * factor)
+        panels.panel_title(flat, "ac"[row], f"{state} state, correlation of the points {joint.correlation:+.2f}")
+        bar = figure.colorbar(filled, ax=flat, pad=0.02)
+        bar.set_label("Joint probability density")
+        solid = figure.add_subplot(2, 2, 2 * row + 2, projection="3d")
+        keep = np.ix_(seen, also)
+        x, y = np.meshgrid(line, joint.x2[also] * factor, indexing="ij")
+        labels = (style.short_label("eta"), style.short_label(symbol))
+        panels.draw_surface(solid, x, y, joint.p[keep] / factor, labels, f"({'bd'[row]})")
+    figure.suptitle(f"All {len(densities)} densities together; line: conditional mean", fontsize=9)
+    return figure
+
+
+def pooled(results, state, symbols, family="coupled"):
+    """Values of each symbol at a state over all densities, one after the other, and their weights (sum 1)."""
+    densities = results.family_densities(family)
+    values = [np.concatenate([results.state(state, s, mu_iso, family) for mu_iso in densities]) for s in symbols]
+    weight = np.concatenate([results.weights(mu_iso, family) for mu_iso in densities])
+    weight = np.where(np.isfinite(values).all(axis=0) if len(values) == 1 else np.all(np.isfinite(values), axis=0),
+                      weight, 0.0)  # fmt: skip
+    return (*values, weight / weight.sum())
+
+
+def _points(axis, results, state, symbol, legend):
+    densities = results.family_densities()
+    for mu_iso, (look, marker) in zip(densities, zip(style.density_style(densities).values(), "^so", strict=False),
+                                      strict=False):  # fmt: skip
+        axis.scatter(results.state(state, "eta", mu_iso), style.shown(symbol, results.state(state, symbol, mu_iso)),
+                     s=8 + 150 * results.weights(mu_iso), marker=marker, facecolor="white", edgecolor=look["color"],
+                     linewidth=0.8, label=look["label"], zorder=3)  # fmt: skip
+    if legend:
+        axis.legend(loc="best", fontsize=6.5)
+
+
+eta_void_ratios = partial(joint_figure, symbols=("e", "e_m"))
+eta_coordination = partial(joint_figure, symbols=("Z", "Z_m"))

@@ -1,0 +1,152 @@
+"""Panels that several figures share: PDF contours along strain, PDFs at a state, mean with band, 3D surfaces."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib import colormaps
+
+from analysis import pdem
+from analysis.figures import style
+
+CONTOUR_MAP = colormaps[style.COLOURS].reversed()
+
+
+def top_density(response, start=0.02):
+    """The density that the colour scale ends at: what nine strains in ten stay below, the narrow start left out."""
+    rows = response.density.p[response.strain >= min(start, response.strain[-1])]
+    return float(np.quantile(rows.max(axis=1), 0.9))
+
+
+def visible_range(responses, symbol):
+    """Lowest and highest value, in shown units, that some response gives a visible density."""
+    low, high = [], []
+    for response in responses:
+        seen = np.flatnonzero((response.density.p > 0.02 * top_density(response)).any(axis=0))
+        low.append(response.density.x[seen[0]])
+        high.append(response.density.x[seen[-1]])
+    return tuple(style.shown(symbol, [min(low), max(high)]))
+
+
+def contours(axis, response, top=None):
+    """Filled PDF contours of one response over axial strain; returns the mappable for a colour bar."""
+    symbol, factor = response.quantity.symbol, response.quantity.shown_factor
+    top = top_density(response) if top is None else top
+    levels = np.linspace(0.02, 1.0, 13) * top / factor
+    filled = axis.contourf(
+        style.shown("eps_a", response.strain), style.shown(symbol, response.density.x), response.density.p.T / factor,
+        levels=levels, cmap=CONTOUR_MAP, extend="max",
+    )  # fmt: skip
+    axis.set_xlabel(style.label("eps_a"))
+    return filled
+
+
+def contour_row(figure, axes, results, symbol, family, letter):
+    """One contour panel per density on common axes, with one colour bar; the first panel bears the letter."""
+    densities = results.family_densities(family)
+    responses = [results.response(symbol, mu_iso, family) for mu_iso in densities]
+    top = max(top_density(response) for response in responses)
+    filled = None
+    for axis, response, mu_iso in zip(axes, responses, densities, strict=False):
+        filled = contours(axis, response, top)
+        axis.plot(style.shown("eps_a", response.strain), style.shown(symbol, response.mean), color="k", lw=1.0)
+        axis.set_ylim(*visible_range(responses, symbol))
+        axis.set_title(style.density_title(mu_iso, densities), fontsize=8.5)
+    for axis in axes[1 : len(densities)]:
+        axis.tick_params(labelleft=False)
+    for axis in axes[len(densities) :]:
+        axis.set_visible(False)
+    axes[0].set_ylabel(style.label(symbol))
+    axes[0].text(-0.02, 1.16, f"({letter})", transform=axes[0].transAxes, fontsize=9.5, ha="right")
+    bar = figure.colorbar(filled, ax=list(axes), shrink=0.9, pad=0.01)
+    bar.set_label(style.pdf_label(symbol))
+    bar.ax.tick_params(labelsize=7)
+    bar.formatter.set_powerlimits((-2, 3))
+
+
+def state_density(results, state, symbol, mu_iso, family="coupled"):
+    """Density of a quantity at a state over the points, or None if fewer than two points have a value."""
+    values = results.state(state, symbol, mu_iso, family)
+    weight = np.where(np.isfinite(values), results.weights(mu_iso, family), 0.0)
+    if np.count_nonzero(weight) < 2:
+        return None
+    return pdem.state_density(values, weight / weight.sum())
+
+
+def state_pdfs(axis, results, state, symbol, family="coupled", legend=False):
+    """PDFs of a quantity at a state, one line a density, the points themselves as ticks below."""
+    densities = results.family_densities(family)
+    for row, (mu_iso, look) in enumerate(style.density_style(densities).items()):
+        density = state_density(results, state, symbol, mu_iso, family)
+        if density is None:
+            continue
+        factor = density_factor(symbol)
+        axis.plot(density.x * factor, density.p[0] / factor, **look)
+        values = style.shown(symbol, results.state(state, symbol, mu_iso, family))
+        axis.plot(values, np.full(len(values), -0.03 - 0.03 * row), "|", transform=axis.get_xaxis_transform(),
+                  color=look["color"], ms=4, mew=0.7, clip_on=False)  # fmt: skip
+    axis.set_ylim(bottom=0)
+    axis.tick_params(axis="x", pad=10)
+    axis.set_xlabel(style.label(symbol))
+    axis.set_ylabel(style.pdf_label(symbol))
+    if legend:
+        axis.legend(loc="best")
+
+
+def density_factor(symbol):
+    """Shown units per SI unit of a quantity."""
+    return float(style.shown(symbol, 1.0))
+
+
+def mean_band(axis, results, symbol, family="coupled", legend=True):
+    """Mean of every density along strain with a band of two standard deviations to either side."""
+    densities = results.family_densities(family)
+    for mu_iso, look in style.density_style(densities).items():
+        response = results.response(symbol, mu_iso, family)
+        strain = style.shown("eps_a", response.strain)
+        mean, spread = style.shown(symbol, response.mean), style.shown(symbol, response.std)
+        axis.fill_between(strain, mean - 2 * spread, mean + 2 * spread, color=look["color"], alpha=0.13, lw=0)
+        axis.plot(strain, mean, **look)
+    axis.set_xlabel(style.label("eps_a"))
+    axis.set_ylabel(style.label(symbol))
+    axis.set_xlim(left=0)
+    if legend:
+        axis.legend(loc="best", title=r"mean $\pm$ 2 standard deviations")
+
+
+def surface(axis, response, top=None, title=""):
+    """PDF surface over strain and value; densities above the top (the narrow start) are cut off level."""
+    symbol, factor = response.quantity.symbol, response.quantity.shown_factor
+    top = top_density(response) if top is None else top
+    low, high = visible_range([response], symbol)
+    x = style.shown(symbol, response.density.x)
+    columns = np.flatnonzero((x >= low) & (x <= high))
+    columns = columns[:: max(1, len(columns) // 110)]
+    rows = np.unique(np.linspace(0, len(response.strain) - 1, 80).astype(int))
+    height = np.minimum(response.density.p[np.ix_(rows, columns)], 1.05 * top) / factor
+    strain, value = np.meshgrid(style.shown("eps_a", response.strain[rows]), x[columns], indexing="ij")
+    draw_surface(axis, strain, value, height, (style.short_label("eps_a"), style.short_label(symbol)), title)
+
+
+def draw_surface(axis, x, y, height, labels, title=""):
+    """A 3D surface coloured by height, dark at the top, seen from the side of the far strains."""
+    axis.plot_surface(x, y, height, cmap=CONTOUR_MAP, rcount=90, ccount=110, linewidth=0, antialiased=False)
+    axis.view_init(elev=34, azim=-58)
+    axis.set_xlabel(labels[0], labelpad=1)
+    axis.set_ylabel(labels[1], labelpad=1)
+    axis.set_zlabel("PDF", labelpad=-2)
+    axis.tick_params(labelsize=7, pad=0)
+    axis.set_title(title, y=0.97)
+    axis.set_box_aspect((1.25, 1, 0.7), zoom=0.92)
+
+
+def panel_title(axis, letter, title=""):
+    """Letter and title of a panel at its upper left."""
+    axis.set_title(f"({letter}) {title}".rstrip())
+
+
+def share_range(*axes):
+    """Give axes the widest of their ranges in x and y, so that shapes can be compared."""
+    x, y = [axis.get_xlim() for axis in axes], [axis.get_ylim() for axis in axes]
+    for axis in axes:
+        axis.set_xlim(min(a for a, _ in x), max(b for _, b in x))
+        axis.set_ylim(0, max(b for _, b in y))

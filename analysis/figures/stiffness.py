@@ -1,0 +1,28 @@
+"""Figure 13: small-strain stiffness and dilatancy at the peak, as PDFs and against the property that drives each."""
+
+from __future__ import annotations
+
+from analysis.figures import panels, style
+
+
+@style.styled
+def stiffness_dilatancy(results):
+    """PDFs of G_0 and of D^p per density, and every point against G_p and mu_s."""
+    densities = results.family_densities()
+    points = results.family_points()
+    figure = style.new_figure(7.2, 5.6)
+    axes = figure.subplots(2, 2)
+    rows = (("probe", "G_0", "G_p"), ("peak", "D_p", "mu_s"))
+    for (left, right), letters, (state, symbol, driver) in zip(axes, ("ab", "cd"), rows, strict=True):
+        if symbol not in results.state_symbols(state, densities[0]):
+            left.text(0.5, 0.5, f"{style.label(symbol)}: not run", transform=left.transAxes, ha="center")
+            right.set_visible(False)
+            continue
+        panels.state_pdfs(left, results, state, symbol, legend=True)
+        panels.panel_title(left, letters[0])
+        for (mu_iso, look), marker in zip(style.density_style(densities).items(), "^so", strict=False):
+            right.plot(style.shown(driver, points[driver]), style.shown(symbol, results.state(state, symbol, mu_iso)),
+                       marker, ms=4, color=look["color"], mfc="none", mew=0.9, label=look["label"])  # fmt: skip
+        right.set(xlabel=style.label(driver), ylabel=style.label(symbol))
+        panels.panel_title(right, letters[1], "every point")
+    return figure

@@ -1,0 +1,84 @@
+"""Figures 5 to 7: the stress ratio along strain, its PDF surfaces, and where peak and critical state lie."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from analysis.figures import panels, style
+
+
+@style.styled
+def stress_ratio(results):
+    """Figure 5: PDF contours of eta (with G_p alone below, if that family was run), means, PDFs at peak and critical."""
+    alone = "G_p" in results.families
+    figure = style.new_figure(7.6, 8.6 if alone else 6.4)
+    rows = figure.subfigures(3 if alone else 2, 1, height_ratios=[1.0] * alone + [1.0, 1.15])
+    panels.contour_row(rows[0], rows[0].subplots(1, _columns(results)), results, "eta", "coupled", "a")
+    rows[0].suptitle(r"$\mu_s$ and $G_p$ vary together", fontsize=9.5)
+    if alone:
+        fixed = results.family_points("G_p")["mu_s"].iloc[0]
+        panels.contour_row(rows[1], rows[1].subplots(1, _columns(results)), results, "eta", "G_p", "b")
+        rows[1].suptitle(rf"$G_p$ varies alone, $\mu_s$ = {fixed:g}", fontsize=9.5)
+    left, middle, right = rows[-1].subplots(1, 3, width_ratios=[1.35, 1, 1])
+    panels.mean_band(left, results, "eta")
+    panels.panel_title(left, "c" if alone else "b", "mean")
+    panels.state_pdfs(middle, results, "peak", "eta")
+    panels.panel_title(middle, "d" if alone else "c", "at the peak")
+    panels.state_pdfs(right, results, "critical", "eta")
+    panels.panel_title(right, "e" if alone else "d", "critical state")
+    right.set_ylabel("")
+    panels.share_range(middle, right)
+    return figure
+
+
+@style.styled
+def surfaces(results):
+    """Figure 6: PDF surfaces of eta, the densest also in plan."""
+    densities = results.family_densities()
+    figure = style.new_figure(7.2, 6.6)
+    plan = figure.add_subplot(2, 2, 1)
+    response = results.response("eta", densities[0])
+    bar = figure.colorbar(panels.contours(plan, response), ax=plan, pad=0.02)
+    bar.set_label(style.pdf_label("eta"))
+    plan.set_ylabel(style.label("eta"))
+    plan.set_ylim(*panels.visible_range([response], "eta"))
+    panels.panel_title(plan, "a", style.density_title(densities[0], densities) + ", in plan")
+    for k, mu_iso in enumerate(densities[:3]):
+        axis = figure.add_subplot(2, 2, k + 2, projection="3d")
+        title = f"({'bcd'[k]}) {style.density_title(mu_iso, densities)}"
+        panels.surface(axis, results.response("eta", mu_iso), title=title)
+    return figure
+
+
+@style.styled
+def peak_and_critical(results):
+    """Figure 7: every point's peak and critical state in stress ratio and void ratio against axial strain."""
+    densities = results.family_densities()
+    figure = style.new_figure(7.4, 3.9)
+    axes = figure.subplots(1, 2)
+    for axis, symbol, letter in zip(axes, ("eta", "e"), "ab", strict=True):
+        for mu_iso, look in style.density_style(densities).items():
+            response = results.response(symbol, mu_iso)
+            strain = style.shown("eps_a", response.strain)
+            axis.plot(strain, style.shown(symbol, response.mean), **look)
+            size = 14 + 220 * results.weights(mu_iso)
+            at = style.shown("eps_peak", results.state("peak", "eps_peak", mu_iso))
+            axis.scatter(at, style.shown(symbol, results.state("peak", symbol, mu_iso)), s=size, marker="^",
+                         color=look["color"], edgecolor="white", linewidth=0.4, zorder=3)  # fmt: skip
+            place = strain[-1] * (1.04 + 0.035 * densities.index(mu_iso))
+            critical = style.shown(symbol, results.state("critical", symbol, mu_iso))
+            axis.scatter(np.full(len(critical), place), critical, s=size, marker="o", facecolor="none",
+                         edgecolor=look["color"], linewidth=0.9, zorder=3)  # fmt: skip
+        axis.set_xlabel(style.label("eps_a"))
+        axis.set_ylabel(style.label(symbol))
+        axis.set_xlim(left=0)
+        panels.panel_title(axis, letter, "lines: means")
+    marks = [("^", "full", "peak of a point"), ("o", "none", "critical state of a point, averaged")]
+    for marker, fill, text in marks:
+        axes[1].plot([], [], marker=marker, fillstyle=fill, color="0.35", linestyle="none", label=text)
+    axes[1].legend(loc="best", fontsize=7)
+    return figure
+
+
+def _columns(results):
+    return len(results.family_densities())

@@ -1,0 +1,185 @@
+"""Reads results.h5, the one file that holds a campaign's answers; needs nothing else of the project's runs.
+
+    results = read_results("runs/demo/results.h5")
+    results.points                                   # mu_s, G_p (Pa), probability of every representative point
+    eta = results.response("eta", mu_iso=0.04)       # eta.values (T, Q), eta.mean, eta.std, eta.density.p on .x
+    peak = results.state("peak", "eta", mu_iso=0.04) # one value per point, NaN where the run is missing
+    results.weights(0.04)                            # the probabilities that go with them, summing to 1
+
+Everything is in SI units; names and shown units are in analysis/quantities.py.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pandas as pd
+
+from analysis import weighted
+from analysis.density import Density
+from analysis.quantities import QUANTITIES, Quantity
+
+FORMAT, FORMAT_VERSION = "campaign-results", 1
+STATES = ("initial", "peak", "critical", "probe")
+
+
+class ResultsError(ValueError):
+    """A results file that cannot be used, or a name that is not in it; one line says which and why."""
+
+
+@dataclass(frozen=True)
+class Response:
+    """One response of one density: `values` (T, Q) over `strain` (T,) and the points, with weights and densities.
+
+    `extended` (T, Q) marks values continued past the end of a run that stopped early in the steady state.
+    `replicates` (R, T, Q) are the single packings behind the averages, or None.  `density` holds the PDF on its grid
+    (density.p, density.x) and what widens it; `mean` and `std` (T,) are sums over the points, never integrals of it.
+    """
+
+    quantity: Quantity
+    strain: np.ndarray
+    values: np.ndarray
+    probability: np.ndarray
+    extended: np.ndarray
+    replicates: np.ndarray | None
+    density: Density
+
+    @property
+    def mean(self):
+        """Probability-weighted mean of the points at every strain, (T,)."""
+        return weighted.mean(self.values, self.probability)
+
+    @property
+    def std(self):
+        """Probability-weighted standard deviation of the points at every strain, (T,)."""
+        return weighted.std(self.values, self.probability)
+
+    def quantile(self, q):
+        """Quantile of the points at every strain, (T,)."""
+        return np.array([weighted.quantile(row, self.probability, q) for row in self.values])
+
+
+@dataclass(frozen=True)
+class Results:
+    """A campaign's results: tables in memory, responses and states read from the file when asked for."""
+
+    path: Path
+    attrs: dict
+    strain: np.ndarray
+    densities: tuple[float, ...]
+    families: tuple[str, ...]
+    points: pd.DataFrame
+    runs: pd.DataFrame
+    pairs: np.ndarray
+    inputs: dict
+    diameters: np.ndarray
+    grading: dict
+
+    def family_densities(self, family="coupled"):
+        """The consolidation frictions mu_iso that a family has, ascending."""
+        with h5py.File(self.path) as file:
+            return tuple(sorted(float(name) for name in file[f"families/{family}"] if name != "points"))
+
+    def family_points(self, family="coupled"):
+        """The points of a family as a frame id, mu_s, G_p (Pa), probability."""
+        with h5py.File(self.path) as file:
+            return _frame(_group(file, f"families/{family}/points"))
+
+    def weights(self, mu_iso, family="coupled"):
+        """Probabilities (Q,) of a density's points, zero where no run is left, summing to 1."""
+        with h5py.File(self.path) as file:
+            return _group(file, f"families/{family}/{mu_iso:g}")["weight"][()]
+
+    def counts(self, mu_iso, family="coupled"):
+        """What became of a density's runs: dict of lost_probability, planned, done, failed, extended."""
+        with h5py.File(self.path) as file:
+            return _plain(_group(file, f"families/{family}/{mu_iso:g}").attrs)
+
+    def response(self, symbol, mu_iso, family="coupled") -> Response:
+        """One response along strain at one density; ResultsError if the file has none of that name."""
+        with h5py.File(self.path) as file:
+            base = _group(file, f"families/{family}/{mu_iso:g}")
+            group = _group(file, f"families/{family}/{mu_iso:g}/responses/{symbol}")
+            replicates = base.get(f"replicates/{symbol}")
+            return Response(
+                quantity=QUANTITIES[symbol], strain=self.strain, values=group["values"][()],
+                probability=base["weight"][()], extended=group["extended"][()],
+                replicates=None if replicates is None else replicates[()], density=Density.from_hdf5(group),
+            )  # fmt: skip
+
+    def symbols(self, mu_iso, family="coupled"):
+        """The responses that a density has, as symbols."""
+        with h5py.File(self.path) as file:
+            return tuple(_group(file, f"families/{family}/{mu_iso:g}/responses"))
+
+    def state(self, state, symbol, mu_iso, family="coupled"):
+        """Values (Q,) of a quantity at a state ("initial", "peak", "critical", "probe"), NaN where a run is missing."""
+        with h5py.File(self.path) as file:
+            return _group(file, f"families/{family}/{mu_iso:g}/states/{state}/{symbol}")[()]
+
+    def state_error(self, state, symbol, mu_iso, family="coupled"):
+        """Standard errors (Q,) of a state's values from the fluctuation within the runs, or None if not estimated."""
+        with h5py.File(self.path) as file:
+            dataset = file.get(f"families/{family}/{mu_iso:g}/errors/{state}/{symbol}")
+            return None if dataset is None else dataset[()]
+
+    def state_replicates(self, state, symbol, mu_iso, family="coupled"):
+        """Values (R, Q) of the single packings behind a state's averages, or None with one packing."""
+        with h5py.File(self.path) as file:
+            dataset = file.get(f"families/{family}/{mu_iso:g}/state_replicates/{state}/{symbol}")
+            return None if dataset is None else dataset[()]
+
+    def state_symbols(self, state, mu_iso, family="coupled"):
+        """The quantities recorded at a state; empty if the campaign has no such stage."""
+        with h5py.File(self.path) as file:
+            return tuple(file.get(f"families/{family}/{mu_iso:g}/states/{state}", ()))
+
+
+def read_results(path) -> Results:
+    """Open results.h5 (a path, or a Results already open, returned as it is).
+
+    Raises ResultsError if the file is missing, is no results file or has another format version.
+    """
+    if isinstance(path, Results):
+        return path
+    path = Path(path)
+    try:
+        with h5py.File(path) as file:
+            attrs = _plain(file.attrs)
+            if attrs.get("format") != FORMAT or attrs.get("format_version") != FORMAT_VERSION:
+                raise ResultsError(
+                    f"{path}: format {attrs.get('format')!r} version {attrs.get('format_version')!r}, "
+                    f"want {FORMAT!r} version {FORMAT_VERSION}"
+                )
+            attrs["versions"] = json.loads(attrs.get("versions", "{}"))
+            inputs = {k: json.loads(v) if k != "source" else v for k, v in _plain(file["inputs"].attrs).items()}
+            return Results(
+                path=path, attrs=attrs, strain=file["strain"][()], densities=tuple(file["densities"][()].tolist()),
+                families=tuple(file["families"]), points=_frame(file["points"]), runs=_frame(file["runs"]),
+                pairs=file["inputs/pairs"][()], inputs=inputs | {"points": _plain(file["points"].attrs)},
+                diameters=file["grading/diameter"][()], grading=_plain(file["grading"].attrs),
+            )  # fmt: skip
+    except (OSError, KeyError) as error:
+        raise ResultsError(f"{path}: not a readable results file ({error})") from error
+
+
+def _group(file, name):
+    if name not in file:
+        raise ResultsError(f"{file.filename}: there is no {name}")
+    return file[name]
+
+
+def _frame(group):
+    columns = {name: dataset[()] for name, dataset in group.items()}
+    order = group.attrs.get("columns")
+    names = list(columns) if order is None else [str(name) for name in order]
+    text = {n: [v.decode() for v in columns[n]] if columns[n].dtype.kind in "OS" else columns[n] for n in names}
+    return pd.DataFrame(text)
+
+
+def _plain(attrs):
+    return {k: v.item() if isinstance(v, np.generic) else v for k, v in attrs.items()}

@@ -1,0 +1,88 @@
+"""One run to its responses along strain and its states: initial, peak, critical, and the small-strain probe."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from analysis import grading, micromechanics, triaxial
+from analysis.quantities import RESPONSES
+from analysis.runfile import Run, RunFileError, read_snapshot
+
+INDICES = ("I_G", "I_G_active", "I_G_stress")
+
+
+@dataclass(frozen=True)
+class RunStates:
+    """What one run contributes: `responses` symbol -> (T,) over `eps_a` (T,), `states` state -> symbol -> value.
+
+    `errors` holds standard errors of state values from the run's own fluctuation; `steady_end` says that the run
+    stopped because its critical state was steady; `grains` is (diameters (N,) m, grading attributes) of a shear run.
+    """
+
+    eps_a: np.ndarray = field(default_factory=lambda: np.empty(0))
+    responses: dict[str, np.ndarray] = field(default_factory=dict)
+    states: dict[str, dict[str, float]] = field(default_factory=dict)
+    errors: dict[str, dict[str, float]] = field(default_factory=dict)
+    steady_end: bool = False
+    grains: tuple[np.ndarray, dict] | None = None
+
+
+def run_states(run: Run) -> RunStates:
+    """Responses and states of a shear run, or the moduli of a probe run, all in SI units.
+
+    The initial state is the record's row at zero strain, the peak that of the smoothed stress ratio, the critical state
+    the average of the last part (`analysis.triaxial`).  Grading indices come from the snapshots: the first, the one
+    nearest to the peak, the last.  Raises runfile.RunFileError if something needed is missing or not finite.
+    """
+    if run.stage == "probe":
+        return RunStates(states={"probe": {k: float(run.probe[k]) for k in ("G_0", "K_0") if k in run.probe}})
+    record = run.record
+    strain, sigma = record["eps_a"], record["sigma"]
+    principal = np.linalg.eigvalsh(record["Phi"])
+    derived = {"eta": triaxial.stress_ratio(sigma), "Phi_dev": principal[:, -1] - principal[:, 0]}
+    responses = {symbol: derived.get(symbol, record[symbol] if symbol in record else None) for symbol in RESPONSES}
+    p, q = triaxial.mean_stress(sigma), triaxial.deviator_stress(sigma)
+    others = {**{k: v for k, v in responses.items() if k != "eta"}, "p": p, "q": q}
+    try:
+        peak = triaxial.peak_state(strain, responses["eta"], others=others)
+        critical = triaxial.critical_state(strain, {"eta": responses["eta"], **others})
+        slope = triaxial.dilatancy(strain, responses["eps_v"], p, q)
+    except triaxial.TriaxialError as error:
+        raise RunFileError(f"{run.path}: {error}") from error
+    at_peak = {"eta": peak.eta, "eps_peak": peak.eps_a, "D_p": float(slope[peak.index])}
+    states = {
+        "initial": {symbol: float(values[0]) for symbol, values in {**responses, "p": p}.items()},
+        "peak": at_peak | {symbol: float(value) for symbol, value in peak.values.items()},
+        "critical": dict(critical.mean),
+    }
+    for state, strain_at in (("initial", 0.0), ("peak", peak.eps_a), ("critical", np.inf)):
+        states[state] |= _grading_indices(run, strain_at)
+    return RunStates(
+        eps_a=strain, responses=responses, states=states, steady_end=run.attrs.get("exit_reason") == "steady",
+        errors={"peak": {"eta": peak.eta_error}, "critical": dict(critical.error)}, grains=_grains(run),
+    )  # fmt: skip
+
+
+def _grading_indices(run, strain):
+    """Grading indices of the snapshot nearest to a strain (infinite: the last); NaN without snapshots."""
+    if not run.snapshots:
+        return dict.fromkeys(INDICES, np.nan)
+    at = np.array([eps_a for _, eps_a, _ in run.snapshots])
+    k = len(at) - 1 if np.isinf(strain) else int(np.argmin(abs(at - strain)))
+    s = read_snapshot(run, k)
+    diameter = 2 * s.radius
+    count = micromechanics.contact_count(s.N, s.contact_ids)
+    return {
+        "I_G": grading.grading_index(diameter),
+        "I_G_active": grading.active_grading_index(diameter, count),
+        "I_G_stress": grading.stress_grading_index(diameter, micromechanics.particle_p_volume(s)),
+    }
+
+
+def _grains(run):
+    if not run.snapshots:
+        return None
+    diameter = 2 * read_snapshot(run, 0).radius
+    return diameter, {"d50": grading.size_at(diameter, 0.5), "I_G": grading.grading_index(diameter), "unit": "m"}
