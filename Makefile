@@ -1,0 +1,61 @@
+# The project's commands; `make help` lists them.
+PYTHON ?= /usr/bin/python3
+CAMPAIGN ?= campaign/demo.toml
+VENVS = .venvs
+DEBIAN = yade python3-h5py python3-pandas python3-scipy python3-matplotlib python3-pytest
+#: Paths that the Debian packages above put in place: all there, nothing to install.
+INSTALLED = /usr/bin/yade $(addprefix /usr/lib/python3/dist-packages/,h5py pandas scipy matplotlib pytest)
+
+.PHONY: help setup campaign laptop test test-long test-newest style bench-dem stress slurm-test clean
+.DEFAULT_GOAL := help
+
+help: ## list the targets
+	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 14
+
+setup: ## install what is missing (Debian's yade and Python packages; root or sudo)
+	@if ! ls -d $(INSTALLED) >/dev/null 2>&1; then set -e; \
+	  as_root=$$([ "$$(id -u)" = 0 ] || echo sudo); \
+	  echo "installing: $(DEBIAN)"; $$as_root apt-get -qq update; \
+	  DEBIAN_FRONTEND=noninteractive $$as_root apt-get -qq install -y --no-install-recommends $(DEBIAN) </dev/null; fi
+
+campaign: setup ## run the default campaign, from the measured pairs to the report (CAMPAIGN=FILE for another)
+	@$(PYTHON) -m campaign all $(CAMPAIGN)
+
+laptop: setup ## the paper's campaign at reduced size; hours, can be stopped and taken up again
+	@$(PYTHON) -m campaign all campaign/laptop.toml
+
+test: setup ## the tests, YADE included
+	@$(PYTHON) -m pytest -q
+
+test-long: setup ## the tests that take minutes
+	@$(PYTHON) -m pytest -q -m long
+
+test-newest: setup ## the analysis and its tests on the newest numpy, scipy, pandas, h5py and matplotlib from PyPI
+	@[ -x $(VENVS)/newest/bin/pytest ] || { $(call new_venv,newest) && \
+	  $(VENVS)/newest/bin/pip install -q numpy scipy pandas h5py matplotlib pytest; }
+	@$(VENVS)/newest/bin/python -c "import numpy, scipy, pandas, h5py, matplotlib as m; \
+	  print(*(f'{p.__name__} {p.__version__}' for p in (numpy, scipy, pandas, h5py, m)), sep=', ')"
+	@$(VENVS)/newest/bin/python -m pytest -q -m "not long and not yade"
+
+style: ## the style check (settings in pyproject.toml)
+	@[ -x $(VENVS)/style/bin/ruff ] || { $(call new_venv,style) && $(VENVS)/style/bin/pip install -q ruff; }
+	@$(VENVS)/style/bin/ruff check .
+
+bench-dem: setup ## the DEM protocol's run time against error; resumable, writes data/benchmarks
+	@$(PYTHON) tests/benchmarks/bench_dem.py
+
+stress: setup ## the stability map of the DEM protocol; writes data/benchmarks
+	@$(PYTHON) tests/benchmarks/bench_stability.py
+
+slurm-test: setup ## a real one-node SLURM from Debian's packages (root), and a campaign through it
+	@sh tests/slurm_node.sh $(PYTHON) -m pytest -q -m long tests/test_slurm.py
+
+clean: ## remove caches and virtual environments (never runs/)
+	@rm -rf $(VENVS) .pytest_cache .ruff_cache build
+	@find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# A virtual environment of that name, without Debian's python3-venv where it is missing.
+define new_venv
+{ $(PYTHON) -m venv $(VENVS)/$(1) 2>/dev/null || python3 -m venv $(VENVS)/$(1) || { rm -rf $(VENVS)/$(1); \
+  echo "python3-venv is missing: apt-get install python3-venv" >&2; false; }; }
+endef

@@ -1,0 +1,107 @@
+"""From products to results.h5, tables, figures and the report; only when something changed since the last time."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+from campaign.config import ROOT, Config
+from campaign.files import read_json, write_json
+from campaign.plan import Row
+from campaign.prepare import PlanError, read_points
+from campaign.products import look, write_blocked
+
+NOTE = "tables/analysed.json"
+
+
+def analyse(config: Config, folder: Path, rows: list[Row]) -> str:
+    """Build results.h5 and the tables from every product of the plan; returns a line that tells what was done.
+
+    Raises PlanError when runs are missing or refused, and the analysis' own errors.
+    """
+    states = look(folder, rows)
+    bad = [s for s in states.values() if s.state == "refused"]
+    if bad:
+        raise PlanError(f"products/{bad[0].run_id}.h5: {bad[0].reason} ({len(bad)} such products)")
+    left = [s for s in states.values() if s.state not in ("done", "failed")]
+    if left:
+        raise PlanError(f"{len(left)} of {len(rows)} runs have no product yet ({left[0].run_id}); `run` makes them")
+    write_blocked(folder, states)
+    wanted = _digest(config, folder, rows)
+    if read_json(folder / NOTE, {}).get("results") == wanted and (folder / "results.h5").exists():
+        return f"{folder.name}: results.h5 is up to date"
+    import pandas as pd
+
+    from analysis import responses, tables
+
+    states = look(folder, rows, rehash=True)  # before numbers are made of them, read every byte again
+    bad = [s for s in states.values() if s.state == "refused"]
+    if bad:
+        raise PlanError(f"products/{bad[0].run_id}.h5: {bad[0].reason} ({len(bad)} such products)")
+    results = responses.build_results(folder, plan_frame(folder, rows), pd.DataFrame(read_points(folder)),
+                                      _settings(config, folder))  # fmt: skip
+    tables.write_tables(results, folder)
+    write_json(folder / NOTE, {"results": wanted})
+    return f"{folder.name}: results.h5 and tables from {len(rows)} runs"
+
+
+def report(config: Config, folder: Path) -> str:
+    """Draw the figures and write report.html; returns a line that tells what was done."""
+    results = folder / "results.h5"
+    if not results.exists():
+        raise PlanError(f"{folder}: has no results.h5; `analyse` makes it")
+    stat = results.stat()
+    wanted = hashlib.sha256(f"{stat.st_size} {stat.st_mtime_ns} {_code_digest()}".encode()).hexdigest()
+    noted = read_json(folder / NOTE, {})
+    if noted.get("report") == wanted and (folder / "report.html").exists():
+        return f"{folder.name}: report.html is up to date"
+    from analysis.report import write_report
+
+    path = write_report(results, folder)
+    write_json(folder / NOTE, noted | {"report": wanted})
+    return f"{folder.name}: {path}"
+
+
+def plan_frame(folder: Path, rows: list[Row]):
+    """The plan as the analysis takes it: one line a run, the product's full path."""
+    import pandas as pd
+
+    names = ("run_id", "stage", "family", "point", "packing", "mu_iso", "mu_s", "G_p", "start", "particle_steps")
+    frame = pd.DataFrame([{name: getattr(row, name) for name in names} for row in rows])
+    frame["product"] = [str((folder / row.product).resolve()) for row in rows]
+    return frame
+
+
+def _settings(config: Config, folder: Path) -> dict:
+    noted = read_json(folder / "inputs.json", {})
+    return {
+        "campaign": config.name,
+        "config": config.text,
+        **{k: noted[k] for k in ("pairs", "source", "marginals", "copulas", "joint", "point_attrs")},
+        "max_lost_probability": config.failures.max_lost_probability,
+        "density_method": config.pdem.method,
+        "bandwidth": config.pdem.bandwidth or None,
+        "cells": config.pdem.cells,
+    }
+
+
+def _digest(config: Config, folder: Path, rows: list[Row]) -> str:
+    """What results.h5 depends on: rows, products, points, settings and the analysis' code."""
+    digest = hashlib.sha256(_code_digest().encode())
+    digest.update(json.dumps([config.text, asdict(config.pdem), asdict(config.failures)]).encode())
+    digest.update((folder / "inputs.json").read_bytes())
+    for row in rows:
+        path = folder / row.product
+        path = path if path.exists() else path.with_suffix(".failed.json")
+        s = path.stat()
+        digest.update(f"{row.run_id} {path.suffix} {s.st_size} {s.st_mtime_ns}\n".encode())
+    return digest.hexdigest()
+
+
+def _code_digest() -> str:
+    digest = hashlib.sha256()
+    for path in sorted((ROOT / "analysis").rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()

@@ -1,0 +1,202 @@
+"""Points and settings become rows: one row, one run, one product; and what it will cost.
+
+A run's id ends in the hash of everything that run uses, the run it starts from included.  So a changed setting makes
+new rows where it matters, leaves the others as they are, and can never be mistaken for the old one.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import math
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from campaign.config import ROOT, Config
+from campaign.files import write_text
+
+#: Raised whenever the scripts compute something else from the same parameters.
+PROTOCOL = 1
+STAGES = ("consolidate", "probe", "shear")
+#: Measured on one core (Debian's YADE, periodic Hertz-Mindlin packing, servo on); see data/benchmarks.
+PARTICLE_STEPS_PER_CPU_SECOND = 0.9e6
+SECONDS_PER_START = 1.5
+RETRY_STEP = 0.5
+
+
+@dataclass(frozen=True)
+class Row:
+    """One run: `values` are the parameters its script reads (SI), `start` the run it starts from ("" if none)."""
+
+    run_id: str
+    stage: str
+    family: str
+    point: int
+    packing: int
+    mu_iso: float
+    mu_s: float
+    G_p: float
+    start: str
+    steps: float
+    particle_steps: float
+    values: dict
+
+    @property
+    def product(self) -> str:
+        return f"products/{self.run_id}.h5"
+
+    @property
+    def cpu_seconds(self) -> float:
+        return SECONDS_PER_START + self.particle_steps / PARTICLE_STEPS_PER_CPU_SECOND
+
+
+def make_rows(config: Config, points: list[dict]) -> list[Row]:
+    """All runs of a campaign, stage by stage, the costliest first within a stage.
+
+    points: dicts with id, mu_s and G_p (Pa).  Rows that two families share stand once, under family "shared".
+    """
+    rows: dict[str, Row] = {}
+    replicated = _replicated(config, points)
+    for packing in config.assembly.packings:
+        served = points if packing == config.assembly.packings[0] else replicated
+        for mu_iso in config.consolidation.mu_iso:
+            for family, fixed in _families(config):
+                for point in served:
+                    _chain(rows, config, family, packing, mu_iso, point, fixed)
+    order = {stage: k for k, stage in enumerate(STAGES)}
+    return sorted(rows.values(), key=lambda r: (order[r.stage], -r.particle_steps, r.run_id))
+
+
+def _families(config: Config):
+    if config.families.coupled:
+        yield "coupled", None
+    if config.families.G_p_only:
+        yield "G_p", config.families.mu_s_fixed
+
+
+def _replicated(config: Config, points: list[dict]) -> list[dict]:
+    """The points that replicate packings serve: all, or evenly spread in order of mu_s."""
+    wanted = config.assembly.replicate_points
+    if wanted < 0 or wanted >= len(points):
+        return points
+    ranked = sorted(points, key=lambda p: p["mu_s"])
+    return [ranked[int((k + 0.5) * len(points) / wanted)] for k in range(wanted)]
+
+
+def _chain(rows, config: Config, family: str, packing: int, mu_iso: float, point: dict, mu_s_fixed) -> None:
+    """Add consolidate -> probe -> shear of one point, one density, one packing."""
+    mu_s = point["mu_s"] if mu_s_fixed is None else mu_s_fixed
+    dem, per_point = config.dem, config.consolidation.per_point
+    common = {
+        "assembly": f"assembly_{packing}.h5", "mu_iso": mu_iso, "sigma_3": config.consolidation.sigma_3_kPa * 1e3,
+        "nu": config.material.nu, "rho": config.material.rho, "d50": config.assembly.d50_mm * 1e-3, "seed": packing,
+        "timestep_factor": dem.timestep_factor, "stiffness_scale": dem.stiffness_scale,
+        "density_scaling": int(dem.density_scaling), "heterogeneity": config.material.heterogeneity,
+    }  # fmt: skip
+    where = {"packing": packing, "mu_iso": mu_iso}
+    G_first = point["G_p"] if per_point else config.consolidation.G_ref_GPa * 1e9
+    first = _row(
+        config, "consolidate", "shared", point["id"] if per_point else -1, where, math.nan, G_first, "", common
+    )
+    rows.setdefault(first.run_id, first)
+    swapped = common | {"mu_s": mu_s, "damping": dem.damping}
+    probe_only = {"probe_strain": config.probe.strain}
+    probe = _row(config, "probe", family, point["id"], where, mu_s, point["G_p"], first.run_id, swapped | probe_only)
+    rows.setdefault(probe.run_id, probe)
+    shear_only = {
+        "inertial_number": config.shear.inertial_number, "strain_end": config.shear.strain_end,
+        "windows": config.shear.windows or "default", "stop_when_steady": int(config.shear.stop_when_steady),
+        "snapshots": ",".join(f"{s:g}" for s in config.shear.snapshots),
+    }  # fmt: skip
+    shear = _row(config, "shear", family, point["id"], where, mu_s, point["G_p"], probe.run_id, swapped | shear_only)
+    rows.setdefault(shear.run_id, shear)
+
+
+def _row(config, stage, family, point, where, mu_s, G_p, start, values) -> Row:
+    values = values | {"G_p": G_p, "start": f"products/{start}.h5" if start else ""}
+    grains = config.assembly
+    used = {"stage": stage, "protocol": PROTOCOL, "N": grains.N, "sigma_ln": grains.sigma_ln,
+            "distribution": grains.distribution, **values}  # fmt: skip
+    digest = hashlib.sha256(json.dumps(used, sort_keys=True).encode()).hexdigest()[:8]
+    names = [stage]
+    if not math.isnan(mu_s):
+        names.append(f"mu{mu_s:.3f}")
+    names += [f"G{G_p / 1e9:.1f}", f"iso{where['mu_iso']:.3f}", f"s{where['packing']}", digest]
+    steps = predicted_steps(stage, values)
+    return Row("_".join(names), stage, family, point, where["packing"], where["mu_iso"], mu_s, G_p, start, steps,
+               steps * grains.N, values)  # fmt: skip
+
+
+def predicted_steps(stage: str, values: dict) -> float:
+    """Steps of a run: 8 (strain / I) (G_p / sigma_3)^(1/3) at 0.8 of the contact time step, and its like."""
+    stiff = (values["G_p"] * values["stiffness_scale"] / values["sigma_3"]) ** (1.0 / 3.0)
+    step = values["timestep_factor"] / 0.8
+    if stage == "shear":
+        return 8.0 * values["strain_end"] / values["inertial_number"] * stiff / step
+    return {"consolidate": 600.0, "probe": 100.0}[stage] * stiff / step
+
+
+def predicted_cost(rows: list[Row]) -> dict[str, dict]:
+    """Runs, particle-steps and core-hours by stage, and in all."""
+    cost = {}
+    for stage in (*STAGES, "total"):
+        some = [r for r in rows if stage in (r.stage, "total")]
+        cost[stage] = {
+            "runs": len(some),
+            "particle_steps": sum(r.particle_steps for r in some),
+            "core_hours": sum(r.cpu_seconds for r in some) / 3600.0,
+        }
+    return cost
+
+
+PLAN_COLUMNS = ("run_id", "stage", "family", "point", "packing", "mu_iso", "mu_s", "G_p", "product", "start", "steps",
+                "particle_steps", "cpu_seconds")  # fmt: skip
+
+
+def write_plan(rows: list[Row], folder: Path) -> None:
+    """tables/plan.csv for people and batch/<stage>.table for yade-batch, from the same rows."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(PLAN_COLUMNS)
+    for row in rows:
+        writer.writerow([_plain(getattr(row, name)) for name in PLAN_COLUMNS])
+    write_text(folder / "tables" / "plan.csv", out.getvalue())
+    for stage in STAGES:
+        some = [row for row in rows if row.stage == stage]
+        write_text(
+            table_path(folder, stage), yade_table(some, f"yade-batch batch/{stage}.table {script(folder, stage)}")
+        )
+
+
+def _plain(value):
+    return f"{value:.6g}" if isinstance(value, float) and value > 1e4 and value == round(value) else value
+
+
+def table_path(folder: Path, stage: str) -> Path:
+    return folder / "batch" / f"{stage}.table"
+
+
+def script(folder: Path, stage: str) -> str:
+    """The stage's script as seen from the campaign's folder."""
+    return os.path.relpath(ROOT / "yade_scripts" / f"{stage}.py", folder)
+
+
+def yade_table(rows: list[Row], note: str) -> str:
+    """Rows as yade-batch reads them: text in quotes (not the description), numbers in full, a newline at the end."""
+    if not rows:
+        return f"# {note}\n"
+    names = ["description", "product", *rows[0].values]
+    cells = [names] + [[row.run_id, repr(row.product)] + [repr(row.values[name]) for name in names[2:]] for row in rows]
+    widths = [max(len(line[k]) for line in cells) for k in range(len(names))]
+    lines = ["  ".join(cell.ljust(w) for cell, w in zip(line, widths, strict=True)) for line in cells]
+    ends = [""] + [f" # {row.cpu_seconds:.0f} CPU-s predicted" for row in rows]
+    body = "".join(f"{line.rstrip()}{end}\n" for line, end in zip(lines, ends, strict=True))
+    return f"# By hand, from the campaign's folder: {note}\n{body}"
+
+
+def table_line(position: int) -> int:
+    """The line (as an editor counts) of a stage's row number `position`."""
+    return position + 3

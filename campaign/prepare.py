@@ -1,0 +1,129 @@
+"""Before the first run: fit the inputs, choose the points, make the assemblies; once, and never again by accident.
+
+`prepare` writes points.csv (id, mu_s, G_p, probability), inputs.json (what was fitted) and assembly_<seed>.h5.  As long
+as the settings of [inputs] and [points] and the pairs stay the same, the points stay the same.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+from dataclasses import asdict
+from pathlib import Path
+
+from campaign.config import Config
+from campaign.files import read_json, write_json, write_text
+
+POINT_COLUMNS = ("id", "mu_s", "G_p", "G_p_GPa", "probability")
+
+
+class PlanError(ValueError):
+    """A campaign folder that cannot be planned or used as it is; one line that names the file."""
+
+
+def prepare(config: Config, folder: Path) -> tuple[list[dict], str]:
+    """The points of the campaign and a word on them: "chosen", "chosen anew" or "kept".
+
+    Raises PlanError, ConfigError or the analysis' own InputError and the like; then nothing has been written.
+    """
+    wanted = inputs_digest(config)
+    noted = read_json(folder / "inputs.json", {})
+    if noted.get("digest") == wanted and (folder / "points.csv").exists():
+        points, word = read_points(folder), "kept"
+    else:
+        word = "chosen anew" if noted else "chosen"
+        points, noted = _choose(config)
+        text = _points_text(points)
+        noted |= {"digest": wanted, "points_digest": _digest(text.encode())}
+        write_text(folder / "points.csv", text)
+        write_json(folder / "inputs.json", noted)
+    _make_assemblies(config, folder)
+    write_text(folder / "config.toml", config.text)
+    return points, word
+
+
+def read_points(folder: Path) -> list[dict]:
+    """The points as chosen.  Raises PlanError if there are none, or if the file was edited since."""
+    path = folder / "points.csv"
+    noted = read_json(folder / "inputs.json", {})
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError:
+        raise PlanError(f"{folder}: has no plan yet; run `python3 -m campaign plan CONFIG` first") from None
+    if noted.get("points_digest") != _digest(text.encode()):
+        raise PlanError(f"{path}: was changed since the points were chosen; restore it, or delete it to choose again")
+    lines = csv.DictReader(io.StringIO(text))
+    return [{"id": int(p["id"]), **{k: float(p[k]) for k in ("mu_s", "G_p", "probability")}} for p in lines]
+
+
+def read_planned_points(config: Config, folder: Path) -> list[dict]:
+    """The points of a plan made from these very inputs.  Raises PlanError if there is none, or if they changed."""
+    points = read_points(folder)
+    if read_json(folder / "inputs.json", {}).get("digest") != inputs_digest(config):
+        raise PlanError(f"{folder}: [inputs], [points] or the pairs changed since the points were chosen; run `plan`")
+    return points
+
+
+def inputs_digest(config: Config) -> str:
+    """What the points depend on: [inputs], [points] and the bytes of the pairs file."""
+    settings = json.dumps({"inputs": asdict(config.inputs), "points": asdict(config.points)}, sort_keys=True)
+    return _digest(settings.encode() + config.pairs_path.read_bytes())
+
+
+def _digest(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()[:16]
+
+
+def _choose(config: Config) -> tuple[list[dict], dict]:
+    """Fit marginals and copulas, join the best, choose the points."""
+    import numpy as np
+
+    from analysis import inputs, joint, points
+
+    given, asked = config.inputs, config.points
+    pairs = inputs.read_pairs(config.pairs_path)
+    families = {"copula_families": given.copulas or None}
+    if given.marginals:
+        families["marginal_families"] = given.marginals
+    fit = joint.fit_joint(pairs, n_boot=given.bootstrap, seed=given.seed, **families)
+    found = points.select_points(fit.joint, asked.n, method=asked.method, seed=asked.seed, nested=asked.nested)
+    rows = [
+        {"id": k, "mu_s": float(x[0]), "G_p": float(x[1]), "probability": float(p)}
+        for k, (x, p) in enumerate(zip(found.x, found.probability, strict=True))
+    ]
+    told = fit.to_dict()
+    told["marginals"] = dict(zip(("mu_s", "G_p"), told["marginals"], strict=True))
+    noted = {
+        "source": given.pairs,
+        "pairs": pairs.tolist(),
+        **told,
+        "point_attrs": {"method": found.method, "seed": asked.seed, "discrepancy": found.discrepancy},
+    }
+    return rows, json.loads(json.dumps(noted, default=lambda value: np.asarray(value).tolist()))
+
+
+def _points_text(points: list[dict]) -> str:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(POINT_COLUMNS)
+    for p in points:
+        writer.writerow([p["id"], repr(p["mu_s"]), repr(p["G_p"]), f"{p['G_p'] / 1e9:.4f}", repr(p["probability"])])
+    return out.getvalue()
+
+
+def _make_assemblies(config: Config, folder: Path) -> None:
+    """assembly_<seed>.h5 for every packing, unless it is there with the same settings."""
+    grains = config.assembly
+    for seed in grains.packings:
+        path = folder / f"assembly_{seed}.h5"
+        made_with = {"N": grains.N, "d50": grains.d50_mm * 1e-3, "sigma_ln": grains.sigma_ln, "seed": seed,
+                     "distribution": grains.distribution}  # fmt: skip
+        note = folder / "tables" / f"assembly_{seed}.json"
+        if path.exists() and read_json(note) == made_with:
+            continue
+        from analysis.assembly import make_assembly, write_assembly
+
+        write_assembly(path, make_assembly(**made_with), made_with)
+        write_json(note, made_with)

@@ -1,0 +1,71 @@
+#!/usr/bin/python3
+"""Stands in for `yade` where a test needs many runs or a fault at will; the product is that of `synthetic_runs`.
+
+FAKE_YADE in the environment is JSON: {"seconds": 0.05, "faults": {"part of a run id": "abort" | "hang" | ...}}.
+"""
+
+import json
+import math
+import os
+import signal
+import sys
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+
+import synthetic_runs  # noqa: E402
+
+from campaign.plan import Row  # noqa: E402
+from campaign.products import write_failure  # noqa: E402
+from campaign.row import read_task  # noqa: E402
+
+
+def row_of(table: str, line: int, stage: str) -> Row:
+    """The row as the script sees it: every cell evaluated."""
+    task = read_task(Path(table), line)
+    values = {k: eval(v) for k, v in task.cells.items() if k not in ("description", "product")}
+    start = Path(values["start"]).stem
+    return Row(task.text("description"), stage, "coupled", 0, values["seed"], values["mu_iso"],
+               values.get("mu_s", math.nan), values["G_p"], start, 0.0, 0.0, values)  # fmt: skip
+
+
+def main() -> None:
+    told = json.loads(os.environ.get("FAKE_YADE", "{}"))
+    table, line = os.environ["YADE_BATCH"].rsplit(":", 1)
+    row = row_of(table, int(line), Path(sys.argv[-1]).stem)
+    fault = next((what for part, what in told.get("faults", {}).items() if part in row.run_id), "")
+    products = Path("products")
+    with open("started.txt", "a") as file:
+        file.write(f"{row.run_id}\n")
+    time.sleep(told.get("seconds", 0.0))
+    if fault == "abort":
+        os.kill(os.getpid(), signal.SIGABRT)
+    if fault == "hang":
+        time.sleep(3600)
+    if fault == "spin":
+        while True:
+            pass
+    if fault == "script error":
+        raise NameError("name 'sigma3' is not defined")
+    if fault == "silent":
+        sys.exit(0)
+    if fault == "proof":
+        write_failure(products, row.run_id, "not quasi-static: I = 4.1e-3 > 2.5e-3 at strain 0.12")
+        sys.exit(1)
+    if fault == "unstable" or (fault == "unstable once" and "retry" not in table):
+        write_failure(products, row.run_id, "energy error 0.31 > 0.05 at strain 0.02")
+        sys.exit(1)
+    if fault == "full disk":
+        raise OSError(28, "No space left on device")
+    path = synthetic_runs.write_product(Path(), row)
+    if fault == "nan":
+        import h5py
+
+        with h5py.File(path, "r+") as file:
+            file["record/sigma"][3, 2, 2] = math.nan
+
+
+if __name__ == "__main__":
+    main()
