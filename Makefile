@@ -13,10 +13,7 @@ help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' Makefile | expand -t 14
 
 setup: ## install what is missing (Debian's yade and Python packages; root or sudo)
-	@if ! ls -d $(INSTALLED) >/dev/null 2>&1; then set -e; \
-	  as_root=$$([ "$$(id -u)" = 0 ] || echo sudo); \
-	  echo "installing: $(DEBIAN)"; $$as_root apt-get -qq update; \
-	  DEBIAN_FRONTEND=noninteractive $$as_root apt-get -qq install -y --no-install-recommends $(DEBIAN) </dev/null; fi
+	@ls -d $(INSTALLED) >/dev/null 2>&1 || $(call apt_install,$(DEBIAN))
 
 campaign: setup ## run the default campaign, from the measured pairs to the report (CAMPAIGN=FILE for another)
 	@$(PYTHON) -m campaign all $(CAMPAIGN)
@@ -54,8 +51,13 @@ clean: ## remove caches and virtual environments (never runs/)
 	@rm -rf $(VENVS) .pytest_cache .ruff_cache build
 	@find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# A virtual environment of that name, without Debian's python3-venv where it is missing.
+# A virtual environment of that name, with Debian's python3-venv installed where it is missing.
 define new_venv
-{ $(PYTHON) -m venv $(VENVS)/$(1) 2>/dev/null || python3 -m venv $(VENVS)/$(1) || { rm -rf $(VENVS)/$(1); \
-  echo "python3-venv is missing: apt-get install python3-venv" >&2; false; }; }
+{ $(PYTHON) -m venv $(VENVS)/$(1) >/dev/null 2>&1 || { rm -rf $(VENVS)/$(1); $(call apt_install,python3-venv) && \
+  $(PYTHON) -m venv $(VENVS)/$(1); }; }
+endef
+
+define apt_install
+{ as_root=$$([ "$$(id -u)" = 0 ] || echo sudo); echo "installing: $(1)"; $$as_root apt-get -qq update && \
+  $$as_root env DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends $(1) </dev/null; }
 endef

@@ -167,7 +167,8 @@ def _plan(config: Config, folder: Path):
 
     points, word = prepare(config, folder)
     rows = make_rows(config, points)
-    write_plan(rows, folder)
+    for name in write_plan(rows, folder):
+        print(f"note: {name} was edited by hand; written anew from the campaign file", file=sys.stderr)
     return rows, word, points
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from campaign.config import ROOT, Config
-from campaign.files import write_text
+from campaign.files import read_json, write_json, write_text
 
 #: Raised whenever the scripts compute something else from the same parameters.
 PROTOCOL = 1
@@ -156,19 +156,30 @@ PLAN_COLUMNS = ("run_id", "stage", "family", "point", "packing", "mu_iso", "mu_s
                 "particle_steps", "cpu_seconds")  # fmt: skip
 
 
-def write_plan(rows: list[Row], folder: Path) -> None:
-    """tables/plan.csv for people and batch/<stage>.table for yade-batch, from the same rows."""
+def write_plan(rows: list[Row], folder: Path) -> list[str]:
+    """tables/plan.csv for people and batch/<stage>.table for yade-batch, from the same rows.
+
+    Returns the files that somebody had edited since they were written; they are written anew.
+    """
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(PLAN_COLUMNS)
     for row in rows:
         writer.writerow([_plain(getattr(row, name)) for name in PLAN_COLUMNS])
-    write_text(folder / "tables" / "plan.csv", out.getvalue())
+    files = {"tables/plan.csv": out.getvalue()}
     for stage in STAGES:
         some = [row for row in rows if row.stage == stage]
-        write_text(
-            table_path(folder, stage), yade_table(some, f"yade-batch batch/{stage}.table {script(folder, stage)}")
-        )
+        files[f"batch/{stage}.table"] = yade_table(some, f"yade-batch batch/{stage}.table {script(folder, stage)}")
+    written = read_json(folder / "tables" / "written.json", {})
+    edited = [name for name, digest in written.items() if _file_digest(folder / name) not in ("", digest)]
+    for name, text in files.items():
+        write_text(folder / name, text)
+    write_json(folder / "tables" / "written.json", {name: _file_digest(folder / name) for name in files})
+    return edited
+
+
+def _file_digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16] if path.exists() else ""
 
 
 def _plain(value):

@@ -28,17 +28,15 @@ def prepare(config: Config, folder: Path) -> tuple[list[dict], str]:
 
     Raises PlanError, ConfigError or the analysis' own InputError and the like; then nothing has been written.
     """
-    wanted = inputs_digest(config)
     noted = read_json(folder / "inputs.json", {})
-    if noted.get("digest") == wanted and (folder / "points.csv").exists():
+    if noted.get("digest") == inputs_digest(config) and (folder / "points.csv").exists():
         points, word = read_points(folder), "kept"
     else:
         word = "chosen anew" if noted else "chosen"
         points, noted = _choose(config)
-        text = _points_text(points)
-        noted |= {"digest": wanted, "points_digest": _digest(text.encode())}
+        text = points_text(points)
         write_text(folder / "points.csv", text)
-        write_json(folder / "inputs.json", noted)
+        write_json(folder / "inputs.json", noted | points_note(config, text))
     _make_assemblies(config, folder)
     write_text(folder / "config.toml", config.text)
     return points, word
@@ -80,10 +78,12 @@ def _choose(config: Config) -> tuple[list[dict], dict]:
     """Fit marginals and copulas, join the best, choose the points."""
     import numpy as np
 
-    from analysis import inputs, joint, points
+    from analysis import inputs
 
     given, asked = config.inputs, config.points
     pairs = inputs.read_pairs(config.pairs_path)
+    from analysis import joint, points
+
     families = {"copula_families": given.copulas or None}
     if given.marginals:
         families["marginal_families"] = given.marginals
@@ -104,7 +104,12 @@ def _choose(config: Config) -> tuple[list[dict], dict]:
     return rows, json.loads(json.dumps(noted, default=lambda value: np.asarray(value).tolist()))
 
 
-def _points_text(points: list[dict]) -> str:
+def points_note(config: Config, text: str) -> dict:
+    """What inputs.json says of points.csv: the inputs it belongs to, and its own digest."""
+    return {"digest": inputs_digest(config), "points_digest": _digest(text.encode())}
+
+
+def points_text(points: list[dict]) -> str:
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(POINT_COLUMNS)

@@ -1,7 +1,8 @@
 #!/usr/bin/python3
 """Stands in for `yade` where a test needs many runs or a fault at will; the product is that of `synthetic_runs`.
 
-FAKE_YADE in the environment is JSON: {"seconds": 0.05, "faults": {"part of a run id": "abort" | "hang" | ...}}.
+FAKE_YADE in the environment is JSON: seconds (a run's length), products (a folder with consolidate.h5, probe.h5 and
+shear.h5 to copy, which is quicker) and faults ({part of a run id: "abort", "hang", ...}).
 """
 
 import json
@@ -57,9 +58,12 @@ def main() -> None:
     if fault == "unstable" or (fault == "unstable once" and "retry" not in table):
         write_failure(products, row.run_id, "energy error 0.31 > 0.05 at strain 0.02")
         sys.exit(1)
-    if fault == "full disk":
-        raise OSError(28, "No space left on device")
-    path = synthetic_runs.write_product(Path(), row)
+    if fault == "fill the disk":
+        with open("ballast", "wb") as file:
+            while True:
+                file.write(bytes(1 << 16))
+    source = Path(told["products"], f"{row.stage}.h5") if "products" in told else None
+    path = synthetic_runs.write_product(Path(), row, source)
     if fault == "nan":
         import h5py
 

@@ -1,4 +1,4 @@
-"""Products of a campaign's own rows, synthesised: what the scripts would have written, with responses in closed form."""
+"""Products of a campaign's own rows, synthesised: what the scripts would have written, in closed form."""
 
 from __future__ import annotations
 
@@ -7,11 +7,10 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import h5py
-import synthetic_results
 
-from campaign.plan import Row, make_rows
-from campaign.prepare import _points_text, inputs_digest
 from campaign.files import write_json, write_text
+from campaign.plan import Row, make_rows
+from campaign.prepare import inputs_digest, points_note, points_text
 
 PAIRS = "mu_s,G_p_GPa\n" + "".join(f"{0.1 + 0.02 * k:.3f},{60 - 2.1 * k:.2f}\n" for k in range(20))
 TOML = """
@@ -27,8 +26,6 @@ N = 64
 mu_iso = [0.001, 0.04]
 [shear]
 strain_end = 0.2
-[run]
-jobs = 2
 """
 
 
@@ -38,10 +35,12 @@ def write_product(folder: Path, row: Row, source: Path | None = None, **paramete
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     if source is None:
+        import synthetic_results
+
         names = ("run_id", "stage", "packing", "mu_iso", "mu_s", "G_p", "point", "start")
         facts = {name: getattr(row, name) for name in names} | {"product": str(part)}
         if row.stage == "consolidate":
-            facts["mu_s"] = 0.25
+            facts |= {"mu_s": 0.25, "point": 0}
         synthetic_results.write_run(SimpleNamespace(**facts), end=row.values.get("strain_end", 0.4))
     else:
         part.write_bytes(source.read_bytes())
@@ -52,22 +51,23 @@ def write_product(folder: Path, row: Row, source: Path | None = None, **paramete
     return path
 
 
-def write_config(folder: Path, n: int = 4, more: str = "", name: str = "small") -> Path:
+def write_config(folder: Path, n: int = 4, more: str = "") -> Path:
     """A campaign file for n points x 2 densities (2 + 4 n runs) with its pairs beside it."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "pairs.csv").write_text(PAIRS)
     path = folder / "campaign.toml"
-    path.write_text(TOML.format(n=n).replace('"small"', f'"{name}"') + more)
+    path.write_text(TOML.format(n=n) + more)
     return path
 
 
 def planned(config, folder: Path, n: int) -> list[Row]:
-    """Rows of n synthetic points, with points.csv and inputs.json as if they had been chosen from the config's inputs."""
+    """Rows of n synthetic points, with points.csv and inputs.json as if chosen from the config's own inputs."""
+    import synthetic_results
+
     frame = synthetic_results.representative_points(n)
     points = [{"id": int(p.id), "mu_s": p.mu_s, "G_p": p.G_p, "probability": p.probability} for p in frame.itertuples()]
-    text = _points_text(points)
+    text = points_text(points)
     write_text(folder / "points.csv", text)
-    from campaign.prepare import _digest
-
-    write_json(folder / "inputs.json", {"digest": inputs_digest(config), "points_digest": _digest(text.encode())})
+    told = {"pairs": [[0.2, 25e9]], "source": "", "marginals": {}, "copulas": [], "joint": {}, "point_attrs": {}}
+    write_json(folder / "inputs.json", told | points_note(config, text))
     return make_rows(config, points)
