@@ -56,7 +56,9 @@ class Density:
         if at is None:
             return total
         at = np.atleast_1d(np.asarray(at, float))
-        return np.stack([np.interp(at, edge, row, left=0.0, right=1.0) for edge, row in zip(self.edges, total)])
+        return np.stack(
+            [np.interp(at, edge, row, left=0.0, right=1.0) for edge, row in zip(self.edges, total, strict=True)]
+        )
 
     def quantile(self, level) -> np.ndarray:
         """Values (T, n) below which the probabilities `level` (n,) lie; (T,) for a single level."""
@@ -65,7 +67,9 @@ class Density:
             raise ValueError(f"quantile: level {levels.min():g} ... {levels.max():g} is not within 0 ... 1")
         # A tiny slope keeps the distribution function strictly increasing where the density is zero.
         ramp = np.linspace(0.0, 1e-14, self.p.shape[1] + 1)
-        found = np.stack([np.interp(levels, row + ramp, edge) for row, edge in zip(self.cdf(), self.edges)])
+        found = np.stack(
+            [np.interp(levels, row + ramp, edge) for row, edge in zip(self.cdf(), self.edges, strict=True)]
+        )
         return found if np.ndim(level) else found[:, 0]
 
     def exceedance(self, threshold) -> np.ndarray:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis import pdem, tvd
+from analysis import pdem
 from analysis.density import Density
 
 
@@ -77,7 +77,7 @@ def joint_density(values1, values2, probability, bandwidth1=None, bandwidth2=Non
     weight = np.asarray(probability, float)[both]
     weight = weight / weight.sum()
     k1, k2 = _kernels(one, first), _kernels(two, second)
-    mass = (k1 * weight) @ k2.T
+    mass = (k1.T * weight) @ k2
     return JointDensity(
         x1=first.x,
         x2=second.x,
@@ -108,10 +108,10 @@ def correlation(one, two, weight) -> float:
 
 
 def _kernels(values, density):
+    """Probability (Q, X) of every cell from each point's own kernel."""
     dx = density.dx[0]
-    left = density.x[0] - 0.5 * dx
-    start = np.zeros(len(values))
-    return tvd.kernel_cells((values - left) / dx, density.bandwidth[0] / dx, start, len(density.x))
+    path = (values[:, None] - density.x[0]) / dx + 0.5
+    return pdem.translate(path, np.ones_like(path), np.full(len(path), density.bandwidth[0] / dx), len(density.x))
 
 
 def _ranks(values, weight):

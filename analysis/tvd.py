@@ -1,46 +1,39 @@
 """Transport of many narrow densities on one grid: Lax-Wendroff with a flux limiter, all points at once.
 
 Each point's density lives in a window of a few dozen cells that moves along with it, so that no time is spent on the
-empty rest of the grid.  Windows are stored (W, Q), the points along the fast axis; a window is mirrored when its point
-moves down, so the scheme only ever moves to the right.
+empty rest of the grid.  Every point goes through its own steps without waiting for the others at the outputs.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import ndtr
 
 COURANT = 0.9
-_REACH = 12  # cells a window can move before it is centred again
-_TAIL = 8  # cells kept free for numerical diffusion on either side
+_DRIFT = 6  # cells a point may stray from the middle of its window before that is centred again
 _SPILL = 1e-11  # probability near a window's end at which it is made wider
+_BATCH = 512  # windows collected before they are added to the result
+_NOTHING = 1e-40  # probability set to zero now and then, or the slow arithmetic of denormal numbers sets in
 
 
-def transport(path, weight, start, limiter: str = "superbee"):
+def transport(path, weight, start: float, cells: int, limiter: str = "superbee") -> tuple[np.ndarray, np.ndarray]:
     """Move one density per point along its path and add them up at every output.
 
     path (T, Q) positions in *cells* from the left edge of cell 0, finite; weight (T, Q), each row summing to one;
-    start (Q,) or scalar, the width of the initial kernels in cells; limiter superbee, vanleer or minmod.
-    Per output interval every point takes n = ceil(|move| / 0.9) steps of the Courant number |move| / n, so it arrives
-    exactly and no step is wasted.  Returns a function `deposit(cells)` -> (p (T, cells) summing to one over the cells,
-    variance (T,): the weighted mean variance of the points' own densities in cells^2).
-    Flux: Li & Chen (2009), F = c p_j + (c - c^2)/2 phi(r) (p_{j+1} - p_j) for c > 0.
+    start: width of the initial kernels in cells; limiter superbee, vanleer or minmod.
+    Per output interval a point takes n = ceil(|move| / 0.9) steps of the Courant number c = move / n, so it arrives
+    exactly and no step is wasted.  Out of cell j flows |c| p_j +- (|c| - c^2)/2 phi(r) (p_{j+1} - p_j), the flux of Li
+    & Chen (2009) with the symmetric limiter phi.  Returns p (T, cells), rows summing to one, and the weighted mean
+    variance (T,) of the points' own densities in cells^2.
     """
     if limiter not in LIMITERS:
         raise ValueError(f"limiter {limiter!r} is not one of {', '.join(LIMITERS)}")
-    path = np.asarray(path, float)
-    start = np.broadcast_to(np.asarray(start, float), path.shape[1:])
-
-    def deposit(cells: int):
-        p = np.empty((len(path), cells))
-        variance = np.empty(len(path))
-        window, left = _initial(path[0], start)
-        for k in range(len(path)):
-            if k:
-                window, left = _advance(window, left, path[k - 1], path[k], LIMITERS[limiter])
-            p[k], variance[k] = _collect(window, left, weight[k], cells)
-        return p, variance
-
-    return deposit
+    move = np.diff(path, axis=0)
+    steps = np.maximum(np.ceil(np.abs(move) / COURANT), 1).astype(np.int32)
+    order = np.argsort(-steps.sum(axis=0), kind="stable")
+    result = _Result(np.zeros((len(path), cells)), np.zeros(len(path)), weight[:, order])
+    _march(path[0, order], (move / steps)[:, order], steps[:, order], start, LIMITERS[limiter], result)
+    return result.p, result.variance
 
 
 def kernel_cells(position, width, left, size: int) -> np.ndarray:
@@ -48,8 +41,6 @@ def kernel_cells(position, width, left, size: int) -> np.ndarray:
 
     The kernel is cut at six widths and normalised, which moves 2e-9 of the probability.
     """
-    from scipy.special import ndtr
-
     edge = (np.arange(size + 1)[:, None] + (left - position)) / width
     np.clip(edge, -6.0, 6.0, out=edge)
     cdf = ndtr(edge, out=edge)
@@ -57,109 +48,130 @@ def kernel_cells(position, width, left, size: int) -> np.ndarray:
     return mass / mass.sum(axis=0)
 
 
-def half_window(width) -> int:
-    """Cells a window keeps on either side of its centre for kernels of the given width (in cells)."""
-    return int(np.ceil(6 * np.max(width))) + _TAIL
+def half_window(width: float) -> int:
+    """Cells that hold half of a kernel (its width in cells) and what numerical diffusion usually adds."""
+    return int(np.ceil(6 * np.hypot(width, 1.5))) + 1
 
 
-def _superbee(one, two, work):
-    np.maximum(one, two, out=work)
+def _superbee(one, two):
     small = np.minimum(one, two)
-    small *= 2.0
-    return np.minimum(small, work, out=work)
+    small += small
+    return np.minimum(small, np.maximum(one, two), out=small)
 
 
-def _minmod(one, two, work):
-    return np.minimum(one, two, out=work)
+def _minmod(one, two):
+    return np.minimum(one, two)
 
 
-def _vanleer(one, two, work):
-    np.add(one, two, out=work)
-    work += 1e-300
-    np.divide(one, work, out=work)
-    work *= two
-    work *= 2.0
-    return work
+def _vanleer(one, two):
+    mean = one * two
+    mean /= one + two + 1e-300
+    mean += mean
+    return mean
 
 
 #: phi(r) * |jump| from the upwind and the local |jump|, of equal sign; all three are symmetric in the two.
 LIMITERS = {"superbee": _superbee, "vanleer": _vanleer, "minmod": _minmod}
 
 
-def _initial(position, width):
-    half = half_window(width)
+class _Result:
+    """Adds the points' windows to the rows of the result, many at a time."""
+
+    def __init__(self, p, variance, weight):
+        self.p, self.variance, self.weight = p, variance, weight
+        self.held, self.size = [], 0
+
+    def add(self, window, left, row, point):
+        self.held.append((window, left, row, point))
+        self.size += len(row)
+        if self.size >= _BATCH:
+            self.flush()
+
+    def flush(self):
+        if not self.size:
+            return
+        window, left, row, point = (np.concatenate(part, axis=-1) for part in zip(*self.held, strict=True))
+        self.held, self.size = [], 0
+        place = np.arange(len(window))
+        share = self.weight[row, point]
+        spread = (place**2.0) @ window - (place @ window) ** 2
+        self.variance += np.bincount(row, share * spread, minlength=len(self.p))
+        cells = self.p.shape[1]
+        first, last = row.min(), row.max() + 1
+        index = np.clip(left + place[:, None], 0, cells - 1) + (row - first) * cells
+        added = np.bincount(index.ravel(), (window * share).ravel(), minlength=(last - first) * cells)
+        self.p[first:last] += added.reshape(-1, cells)
+
+
+def _march(position, courant, steps, width, limiter, result):
+    """All steps of all points; courant, steps (T - 1, Q) with the points in the order of falling numbers of steps."""
+    points = np.arange(len(position))
+    half = half_window(width) + _DRIFT
     left = np.floor(position).astype(np.int64) - half
-    return kernel_cells(position, width, left, 2 * half + 1), left
+    window = kernel_cells(position, width, left, 2 * half + 1)
+    result.add(window.copy(), left, np.zeros_like(points), points)
+    if not len(steps):
+        return result.flush()
+    interval = np.zeros_like(points)
+    drift = position - left - half - 0.5
+    todo, c = steps[0].copy(), courant[0].copy()
+    active = len(points)
+    while active:
+        _step(window, c, limiter)
+        drift += c
+        todo -= 1
+        done = np.flatnonzero(todo == 0)
+        if len(done):
+            interval[done] += 1
+            result.add(window[:, done], left[done], interval[done], done)
+            over = done[interval[done] == len(steps)]
+            done = done[interval[done] < len(steps)]
+            todo[done], c[done] = steps[interval[done], done], courant[interval[done], done]
+            todo[over], c[over] = -1, 0.0
+            active -= len(over)
+            if active < 0.8 * len(c):
+                window, left, drift, todo, c, interval = (
+                    np.ascontiguousarray(a[..., :active]) for a in (window, left, drift, todo, c, interval)
+                )
+        if np.abs(drift).max(initial=0.0) > _DRIFT - 1:
+            window, left, drift = _centred(window, left, drift)
+            if max(window[:2].max(), window[-2:].max()) > _SPILL:
+                result.flush()
+                grow = len(window) // 4
+                window, left = np.pad(window, ((grow, grow), (0, 0))), left - grow
+    return result.flush()
 
 
-def _collect(window, left, weight, cells):
-    """Sum of the weighted windows on the grid, and the weighted mean variance of a single one."""
-    size = len(window)
-    row = np.arange(size, dtype=float)
-    first = row @ window
-    variance = float(weight @ ((row**2) @ window - first**2))
-    index = np.clip(left + np.arange(size)[:, None], 0, cells - 1)
-    return np.bincount(index.ravel(), (window * weight).ravel(), minlength=cells), variance
+def _centred(window, left, drift):
+    """Windows moved by whole cells to where their points are; what would fall off an end is put into its last cell."""
+    shift = np.rint(drift).astype(np.int64)
+    size, points = window.shape
+    room = int(np.abs(shift).max())
+    padded = np.zeros((size + 2 * room, points))
+    padded[room : room + size] = window
+    moved = padded.ravel()[((np.arange(size) + room) * points)[:, None] + (shift * points + np.arange(points))]
+    moved[moved < _NOTHING] = 0.0
+    fallen = np.maximum(window.sum(axis=0) - moved.sum(axis=0), 0.0)
+    moved[1] += np.where(shift > 0, fallen, 0.0)
+    moved[-2] += np.where(shift < 0, fallen, 0.0)
+    return moved, left + shift, drift - shift
 
 
-def _advance(window, left, origin, target, limiter):
-    """Take every point from origin to target (Q,); windows are gathered in the order of the steps they need."""
-    move = target - origin
-    steps = np.ceil(np.abs(move) / COURANT).astype(np.int64)
-    order = np.argsort(-steps, kind="stable")
-    steps, total = steps[order], steps.max(initial=0)
-    if total == 0:
-        return window, left
-    if max(window[:2].sum(axis=0).max(), window[-2:].sum(axis=0).max()) > _SPILL:
-        grow = len(window) // 4 + 2
-        window, left = np.pad(window, ((grow, grow), (0, 0))), left - grow
-    up = move[order] >= 0
-    courant = np.abs(move[order]) / np.maximum(steps, 1)
-    size, half = len(window), len(window) // 2
-    # Mirrored columns run from high to low cells: position s along the way is cell left + s, or left + size - 1 - s.
-    way = np.take_along_axis(
-        window[:, order], np.where(up, np.arange(size)[:, None], np.arange(size)[::-1, None]), axis=0
-    )
-    way = np.concatenate([way, np.zeros((_REACH, len(order)))])
-    shift = np.zeros(len(order), np.int64)
-    for begin in range(0, total, _REACH):
-        moving = int(np.searchsorted(-steps, -begin, side="left"))
-        _march(way, courant, steps, begin, min(begin + _REACH, total), limiter)
-        done = np.minimum(steps[:moving], begin + _REACH) * courant[:moving]
-        ahead = np.floor(done).astype(np.int64) - shift[:moving]
-        way[:, :moving] = _forward(way[:, :moving], ahead)
-        shift[:moving] += ahead
-    way[size - 1] += way[size:].sum(axis=0)
-    way = way[:size]
-    back = np.empty_like(window)
-    back[:, order] = np.take_along_axis(way, np.where(up, np.arange(size)[:, None], np.arange(size)[::-1, None]), axis=0)
-    moved = np.empty_like(left)
-    moved[order] = np.where(up, shift, -shift)
-    return back, left + moved
-
-
-def _forward(way, ahead):
-    """Drop the first `ahead` cells of each column, adding what they held to the new first cell."""
-    index = np.arange(len(way))[:, None] + ahead
-    inside = index < len(way)
-    out = np.where(inside, np.take_along_axis(way, np.minimum(index, len(way) - 1), axis=0), 0.0)
-    out[0] += way.sum(axis=0) - out.sum(axis=0)
-    return out
-
-
-def _march(way, courant, steps, begin, end, limiter):
-    """The steps begin ... end of the scheme, in place, on the columns that still have steps to take."""
-    for step in range(begin, end):
-        n = int(np.searchsorted(-steps, -step, side="left"))
-        p, c = way[:, :n], courant[:n]
-        jump = p[1:] - p[:-1]
-        size = np.abs(jump)
-        sign = np.sign(jump)
-        flux = limiter(size[:-1], size[1:], jump[1:])
-        flux *= sign[:-1] + sign[1:]
-        flux *= 0.25 * (c - c * c)
-        upwind = p * c
-        upwind[1:-1] += flux
-        upwind[-1] = 0.0
-        p -= upwind
-        p[1:] += upwind[:-1]
+def _step(p, c, limiter):
+    """One step in place of the windows p (W, n), Courant numbers c (n,); nothing leaves the first and last two cells."""
+    speed = np.abs(c)
+    jump = p[1:] - p[:-1]
+    size = np.abs(jump)
+    flow = limiter(size[:-1], size[1:])
+    size += _NOTHING
+    jump /= size
+    flow *= jump[:-1] + jump[1:]
+    flow *= 0.25 * np.sign(c) * (1.0 - speed)
+    flow += p[1:-1]
+    flow *= speed
+    flow[[0, -1]] = 0.0
+    p[1:-1] -= flow
+    up = flow * (c > 0.0).astype(float)
+    p[2:] += up
+    flow -= up
+    p[:-2] += flow

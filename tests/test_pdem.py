@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
 from analysis import pdem
 
@@ -59,18 +60,19 @@ def test_lost_probability_above_its_limit_is_refused_with_the_numbers():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (dict(h=np.zeros((3, 2))), r"shape \(3, 2\), expected \(40 strains, 30 points\)"),
-        (dict(probability=np.full(30, 0.1)), "sum 3; expected"),
-        (dict(strain=np.zeros(40)), "strain does not increase after entry 0"),
-        (dict(method="upwind"), "method 'upwind' is not one of exact, tvd"),
-        (dict(rule="eye"), "bandwidth rule 'eye'"),
-        (dict(bandwidth=-1.0), "bandwidth -1.0 is neither"),
-        (dict(method="tvd", limiter="none"), "limiter 'none' is not one of superbee"),
-        (dict(cells=10), "cells = 10 is below 64"),
+        ({"h": np.zeros((3, 2))}, r"shape \(3, 2\), expected \(40 strains, 30 points\)"),
+        ({"probability": np.full(30, 0.1)}, "sum 3; expected"),
+        ({"strain": np.zeros(40)}, "strain does not increase after entry 0"),
+        ({"method": "upwind"}, "method 'upwind' is not one of exact, tvd"),
+        ({"rule": "eye"}, "bandwidth rule 'eye'"),
+        ({"bandwidth": -1.0}, "bandwidth -1.0 is neither"),
+        ({"method": "tvd", "bandwidth": np.ones(40)}, "starts from one bandwidth"),
+        ({"method": "tvd", "limiter": "none"}, "limiter 'none' is not one of superbee"),
+        ({"cells": 10}, "cells = 10 is below 64"),
     ],
 )
 def test_bad_arguments_get_one_line(change, message):
-    given = dict(h=adversarial("uneven"), probability=np.full(30, 1 / 30), strain=STRAIN) | change
+    given = {"h": adversarial("uneven"), "probability": np.full(30, 1 / 30), "strain": STRAIN} | change
     with pytest.raises(ValueError, match=message):
         pdem.evolve(**given)
 
@@ -98,3 +100,13 @@ def test_state_density_is_the_single_strain():
     assert density.p.shape[0] == 1 and density.strain[0] == 0.4
     assert density.lost_probability[0] == pytest.approx(0.25)
     assert density.mean[0] == pytest.approx(2.0 / 3)
+
+
+@pytest.mark.parametrize("width", [0.01, 0.03, 0.2])
+def test_exact_translation_is_the_sum_of_gaussian_cell_averages(width):
+    h = adversarial("crossing")
+    probability = np.random.default_rng(5).dirichlet(np.ones(30))
+    density = pdem.evolve(h, probability, STRAIN, bandwidth=width, cells=150)
+    edge = (density.edges[:, None, :] - h[:, :, None]) / density.bandwidth[:, None, None]
+    expected = np.einsum("q,tqx->tx", probability, np.diff(ndtr(edge), axis=2))
+    assert np.max(np.abs(density.p * density.dx[:, None] - expected)) < 2e-9
