@@ -158,7 +158,7 @@ def _centred(window, left, drift):
 
 
 def _step(p, c, limiter):
-    """One step in place of the windows p (W, n), Courant numbers c (n,); nothing leaves the first and last two cells."""
+    """One step in place of the windows p (W, n), Courant numbers c (n,); nothing leaves the two end cells."""
     speed = np.abs(c)
     jump = p[1:] - p[:-1]
     size = np.abs(jump)
