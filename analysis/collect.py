@@ -64,7 +64,8 @@ def collect(plan, points):
     for (family, mu_iso), index in plan.groupby(["family", "mu_iso"], sort=True).indices.items():
         rows = [kept[i] for i in index if kept[i][0].stage in STAGE_STATES]
         if rows:
-            groups.append(_group(family, float(mu_iso), rows, points, strain))
+            own = _family_points(family, plan[plan["family"] == family], points)
+            groups.append(_group(family, float(mu_iso), rows, own, strain))
     grains = next((states.grains for _, states in kept if states and states.grains), (np.empty(0), {}))
     return groups, strain, runs, grains
 
@@ -82,12 +83,15 @@ def _read(row):
         line |= {name: float(run.timing.get(name, np.nan)) for name in TIMES}
         line |= {name: float(run.proofs.get(name, np.nan)) for name in PROOFS}
         line |= {name: str(run.attrs.get(name, "")) for name in ("created", "yade_version", "script_digest")}
-        line["N"] = int(run.parameters.get("N", 0))
-        return line, run_states(run) if row.stage in STAGE_STATES else None
+        states = run_states(run) if row.stage in STAGE_STATES else None
+        shear = states if row.stage == "shear" else RunStates()
+        line |= {"N": int(run.parameters.get("N", 0)), "critical_from": shear.critical_from, "unsteady": shear.unsteady}
+        return line, states
     if not failed.exists():
         raise ResponsesError(f"run {row.run_id}: there is no product {path}")
     line |= {"status": "failed", "reason": str(json.loads(failed.read_text()).get("reason", "no reason given"))}
-    line |= dict.fromkeys(TIMES + PROOFS, np.nan) | {"created": "", "yade_version": "", "script_digest": "", "N": 0}
+    line |= dict.fromkeys(TIMES + PROOFS, np.nan) | {"created": "", "yade_version": "", "script_digest": ""}
+    line |= {"N": 0, "critical_from": np.nan, "unsteady": ""}
     return line, None
 
 
@@ -111,17 +115,22 @@ def _strain_grid(shears: list[RunStates]):
     return np.asarray(best.eps_a, float)
 
 
-def _group(family, mu_iso, rows, points, strain):
+def _family_points(family, plan, points):
+    """The points of a family with the properties its runs have; probabilities renormalised over those planned."""
     own = points[points["family"] == family] if "family" in points.columns else points
-    ids = {row.point for row, _ in rows}
-    own = own[own["id"].isin(ids)].reset_index(drop=True)
-    if len(own) < len(ids):
-        raise ResponsesError(f"{family}: the plan's points {sorted(ids - set(own['id']))} are not among the points")
+    used = plan.drop_duplicates("point").set_index("point")
+    unknown = sorted(set(used.index) - set(own["id"]))
+    if unknown:
+        raise ResponsesError(f"{family}: the plan's points {unknown} are not among the {len(own)} points")
+    own = own[own["id"].isin(used.index)].reset_index(drop=True)
     share = float(own["probability"].sum())
-    by_point = {row.point: row for row, _ in rows}
-    own = own.assign(probability=own["probability"] / share, **{
-        name: [float(getattr(by_point[i], name)) for i in own["id"]] for name in ("mu_s", "G_p")
-    })  # fmt: skip
+    properties = {name: used.loc[own["id"], name].to_numpy(float) for name in ("mu_s", "G_p")}
+    own = own.assign(probability=own["probability"] / share, **properties)
+    own.attrs["planned_share"] = share
+    return own
+
+
+def _group(family, mu_iso, rows, own, strain):
     packings = tuple(sorted({row.packing for row, _ in rows}))
     place = {point: q for q, point in enumerate(own["id"])}
     where = {packing: r for r, packing in enumerate(packings)}
@@ -144,7 +153,7 @@ def _group(family, mu_iso, rows, points, strain):
     weight[~alive] = 0.0
     shear = [(row, states) for row, states in rows if row.stage == "shear"]
     return FamilyDensity(
-        family=family, mu_iso=mu_iso, points=own, planned_share=share, packings=packings,
+        family=family, mu_iso=mu_iso, points=own, planned_share=own.attrs["planned_share"], packings=packings,
         weight=weight / weight.sum() if lost < 1 else weight, lost_probability=lost, extended=extended.any(axis=0),
         values={symbol: _packing_mean(sets) for symbol, sets in replicates.items()}, replicates=replicates,
         states={state: {s: _packing_mean(v) for s, v in table.items()} for state, table in state_sets.items()},

@@ -30,8 +30,8 @@ def build_results(folder, plan, points, settings=None) -> Path:
     plan: frame run_id, stage, family, point, packing, mu_iso, mu_s, G_p (Pa), product (path), start.
     points: frame id, mu_s, G_p (Pa), probability (sum 1); optionally family, where a family has points of its own.
     settings: dict, all optional: campaign (name), config (TOML text), pairs (n, 2), source (where the pairs come from),
-    marginals ({"mu_s": [...], "G_p": [...]}, fits best first), copulas (fits best first), joint (as the objects or
-    as their dicts), point_attrs (dict of method, seed, discrepancy ...), versions (dict), max_lost_probability (0.05),
+    marginals (dicts with a "variable", best first, or two lists in the order mu_s, G_p), copulas (best first), joint,
+    all as objects or as their dicts, point_attrs (dict of method, seed, discrepancy ...), versions (dict), max_lost_probability (0.05),
     density_method ("exact" or "tvd"), bandwidth (None: chosen from the data), cells (400).
 
     Raises ResponsesError or runfile.RunFileError, and writes nothing, if a product is missing, truncated or was run
@@ -72,8 +72,10 @@ def _write_head(file, points, settings, strain, groups, grains):
     inputs = file.create_group("inputs")
     inputs["pairs"] = np.asarray(settings.get("pairs", np.empty((0, 2))), float)
     inputs.attrs["source"] = str(settings.get("source", ""))
-    for name, empty in (("marginals", {}), ("copulas", []), ("joint", {})):
-        inputs.attrs[name] = json.dumps(settings.get(name, empty), default=_jsonable)
+    content = {"marginals": _by_variable(settings.get("marginals", [])), "copulas": settings.get("copulas", []),
+               "joint": settings.get("joint", {})}  # fmt: skip
+    for name, value in content.items():
+        inputs.attrs[name] = json.dumps(value, default=_jsonable)
     _write_frame(file.create_group("points"), points)
     file["points"].attrs.update(settings.get("point_attrs", {}))
     file["strain"] = strain
@@ -131,6 +133,16 @@ def _write_frame(group, frame):
         group.create_dataset(name, data=[str(v) for v in column] if text else column,
                              dtype=h5py.string_dtype() if text else None)  # fmt: skip
     group.attrs["columns"] = [str(name) for name in frame.columns]
+
+
+def _by_variable(fits):
+    """Marginal fits as {"mu_s": [...], "G_p": [...]}, from a flat list of dicts with a variable, or from two lists."""
+    if isinstance(fits, dict):
+        return fits
+    if fits and isinstance(fits[0], dict):
+        return {name: [{k: v for k, v in fit.items() if k != "variable"} for fit in fits if fit["variable"] == name]
+                for name in ("mu_s", "G_p")}  # fmt: skip
+    return {name: list(table) for name, table in zip(("mu_s", "G_p"), fits, strict=False)}
 
 
 def _jsonable(value):

@@ -18,7 +18,8 @@ class RunStates:
     """What one run contributes: `responses` symbol -> (T,) over `eps_a` (T,), `states` state -> symbol -> value.
 
     `errors` holds standard errors of state values from the run's own fluctuation; `steady_end` says that the run
-    stopped because its critical state was steady; `grains` is (diameters (N,) m, grading attributes) of a shear run.
+    stopped because its critical state was steady; `critical_from` (strain) and `unsteady` (a reason, empty if the proof
+    holds) say what the critical averages rest on; `grains` is (diameters (N,) m, grading attributes) of a shear run.
     """
 
     eps_a: np.ndarray = field(default_factory=lambda: np.empty(0))
@@ -26,6 +27,8 @@ class RunStates:
     states: dict[str, dict[str, float]] = field(default_factory=dict)
     errors: dict[str, dict[str, float]] = field(default_factory=dict)
     steady_end: bool = False
+    critical_from: float = np.nan
+    unsteady: str = ""
     grains: tuple[np.ndarray, dict] | None = None
 
 
@@ -62,6 +65,7 @@ def run_states(run: Run) -> RunStates:
     return RunStates(
         eps_a=strain, responses=responses, states=states, steady_end=run.attrs.get("exit_reason") == "steady",
         errors={"peak": {"eta": peak.eta_error}, "critical": dict(critical.error)}, grains=_grains(run),
+        critical_from=critical.eps_from, unsteady=critical.reason,
     )  # fmt: skip
 
 

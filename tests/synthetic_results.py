@@ -14,6 +14,7 @@ import h5py
 import numpy as np
 import pandas as pd
 
+from analysis import copulas, joint, marginals
 from analysis.quantities import RECORD
 
 DENSITIES = (0.001, 0.04, 0.1)
@@ -197,9 +198,16 @@ def fail_run(row, reason="servo error 0.08 > 0.05 at eps_a = 0.01"):
 
 def settings(pairs=94, seed=2):
     """Settings as the campaign hands them over: fitted inputs, names and limits."""
-    frame = representative_points(pairs, seed)
-    x = frame[["mu_s", "G_p"]].to_numpy()
-    return {"campaign": "synthetic", "config": 'name = "synthetic"\n', "pairs": x, "source": "synthetic pairs"}
+    x = representative_points(pairs, seed)[["mu_s", "G_p"]].to_numpy()
+    fits = [[marginals.fit(column, family, n_sim=40) for family in ("lognormal", "gamma")] for column in x.T]
+    copula = copulas.fit(x[:, 0], x[:, 1], "gaussian")
+    return {
+        "campaign": "synthetic", "config": 'name = "synthetic"\n', "pairs": x, "source": "synthetic pairs",
+        "marginals": [{"variable": name} | fit.to_dict() for name, table in zip(("mu_s", "G_p"), fits, strict=True)
+                      for fit in table],
+        "copulas": [copula], "joint": joint.Joint((fits[0][0], fits[1][0]), copula.copula),
+        "point_attrs": {"method": "synthetic", "seed": 1},
+    }  # fmt: skip
 
 
 def make_campaign(folder, n=8, noise=0.0, families=("coupled",), packings=(1,), steady=(), failed=()):

@@ -8,8 +8,11 @@ from analysis import grading
 from analysis.figures import panels, style
 from analysis.joint import Joint
 from analysis.marginals import Marginal
+from analysis.points import select_points
 
 PAIR = ("mu_s", "G_p")
+#: Places of the flat panels of Figure 3 in a grid of 2 x 6.
+PLACES = (np.s_[0, 3:], np.s_[1, :2], np.s_[1, 2:4], np.s_[1, 4:])
 
 
 @style.styled
@@ -32,7 +35,8 @@ def data_marginals(results):
             text = fit.family + (f", AIC {fit.aic:.1f}" if fit.aic is not None else "")
             axis.plot(x * factor, fit.pdf(x) / factor, label=text, **look)
         axis.set(xlabel=style.label(symbol), ylabel=style.pdf_label(symbol), xlim=(0, x[-1] * factor))
-        axis.legend(fontsize=6.5)
+        if fits:
+            axis.legend(fontsize=6.5)
         panels.panel_title(axis, letter)
     return figure
 
@@ -48,23 +52,29 @@ def joint_points(results):
     x, y = np.meshgrid(*(np.linspace(*ends, 120) for ends in reach), indexing="ij")
     factor = panels.density_factor("G_p")
     height = joint.pdf(np.column_stack([x.ravel(), y.ravel()])).reshape(x.shape) / factor
-    solid = figure.add_subplot(2, 2, 1, projection="3d")
+    grid = figure.add_gridspec(2, 6)
+    solid = figure.add_subplot(grid[0, :3], projection="3d")
     labels = tuple(style.short_label(symbol) for symbol in PAIR)
     panels.draw_surface(solid, x, y * factor, height, labels, "(a) joint density")
-    flat, dots, steps = (figure.add_subplot(2, 2, k) for k in (2, 3, 4))
-    levels = np.linspace(0.03, 1, 12) * height.max()
-    filled = flat.contourf(x, y * factor, height, levels=levels, cmap=panels.CONTOUR_MAP)
-    figure.colorbar(filled, ax=flat, pad=0.02).set_label("Joint probability density (1/GPa)")
+    flat, dots, twice, steps = (figure.add_subplot(grid[place]) for place in PLACES)
+    levels = panels.density_levels(height.max())
+    filled = flat.contourf(x, y * factor, height, levels=levels, cmap=panels.CONTOUR_MAP, extend="max")
+    panels.colour_bar(figure, filled, flat, "Joint probability density (1/GPa)")
     flat.plot(results.pairs[:, 0], style.shown("G_p", results.pairs[:, 1]), "o", ms=2.5, mfc="white", mec="k", mew=0.5)
     panels.panel_title(flat, "b", "with the measured pairs")
-    dots.contour(x, y * factor, height, levels=levels[::3], colors="0.7", linewidths=0.7)
-    dots.scatter(points["mu_s"], style.shown("G_p", points["G_p"]), s=2000 * points["probability"] / 4 + 4,
-                 c=[panels.CONTOUR_MAP(0.8)], alpha=0.8, edgecolor="white", linewidth=0.5)  # fmt: skip
-    panels.panel_title(dots, "c", f"{len(points)} points, area = probability")
-    for axis in (flat, dots):
-        axis.set(xlabel=style.label("mu_s"), ylabel=style.label("G_p"))
+    doubled = select_points(joint, 2 * len(points))
+    sets = ((dots, "c", points[list(PAIR)].to_numpy(), points["probability"].to_numpy()),
+            (twice, "d", doubled.x, doubled.probability))  # fmt: skip
+    for axis, letter, place, probability in sets:
+        axis.contour(x, y * factor, height, levels=levels[::3], colors="0.7", linewidths=0.7)
+        axis.scatter(place[:, 0], factor * place[:, 1], s=500 * probability + 3, color=panels.CONTOUR_MAP(0.85), alpha=0.8,
+                     edgecolor="white", linewidth=0.4)  # fmt: skip
+        panels.panel_title(axis, letter, f"{len(place)} points" + (", area: probability" if letter == "c" else ""))
+    for axis in (flat, dots, twice):
+        axis.set(xlabel=style.label("mu_s"), ylabel=style.label("G_p"), xlim=reach[0], ylim=np.array(reach[1]) * factor)
+    twice.set_ylabel("")
     _distribution_steps(steps, joint, points)
-    panels.panel_title(steps, "d", "the points' distribution functions")
+    panels.panel_title(steps, "e", f"what the {len(points)} points carry")
     return figure
 
 

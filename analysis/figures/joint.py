@@ -21,20 +21,19 @@ def joint_figure(results, symbols, state="critical"):
         flat = figure.add_subplot(2, 2, 2 * row + 1)
         factor = panels.density_factor(symbol)
         filled = flat.contourf(joint.x1, joint.x2 * factor, joint.p.T / factor, cmap=panels.CONTOUR_MAP,
-                               levels=np.linspace(0.03, 1, 12) * joint.p.max() / factor)  # fmt: skip
+                               levels=panels.density_levels(joint.p.max() / factor), extend="max")  # fmt: skip
         _points(flat, results, state, symbol, legend=row == 0)
         seen = np.flatnonzero((joint.p > 0.01 * joint.p.max()).any(axis=1))
-        line = joint.x1[seen]
+        line = np.linspace(joint.values1.min(), joint.values1.max(), 100)
         flat.plot(line, joint.conditional_mean(line) * factor, color="k", lw=1.2)
-        flat.set(xlabel=style.label("eta"), ylabel=style.label(symbol), xlim=(line[0], line[-1]))
+        flat.set(xlabel=style.label("eta"), ylabel=style.label(symbol), xlim=joint.x1[seen[[0, -1]]])
         also = np.flatnonzero((joint.p > 0.01 * joint.p.max()).any(axis=0))
         flat.set_ylim(joint.x2[also[0]] * factor, joint.x2[also[-1]] * factor)
         panels.panel_title(flat, "ac"[row], f"{state} state, correlation of the points {joint.correlation:+.2f}")
-        bar = figure.colorbar(filled, ax=flat, pad=0.02)
-        bar.set_label("Joint probability density")
+        panels.colour_bar(figure, filled, flat, "Joint probability density")
         solid = figure.add_subplot(2, 2, 2 * row + 2, projection="3d")
         keep = np.ix_(seen, also)
-        x, y = np.meshgrid(line, joint.x2[also] * factor, indexing="ij")
+        x, y = np.meshgrid(joint.x1[seen], joint.x2[also] * factor, indexing="ij")
         labels = (style.short_label("eta"), style.short_label(symbol))
         panels.draw_surface(solid, x, y, joint.p[keep] / factor, labels, f"({'bd'[row]})")
     figure.suptitle(f"All {len(densities)} densities together; line: conditional mean", fontsize=9)

@@ -4,11 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib import colormaps
+from matplotlib.colors import ListedColormap
+from matplotlib.ticker import MaxNLocator
+from matplotlib.transforms import ScaledTranslation
 
 from analysis import pdem
 from analysis.figures import style
 
-CONTOUR_MAP = colormaps[style.COLOURS].reversed()
+
+def _from_white(name, share=0.3):
+    """A perceptually even map, dark at the top, whose lowest part fades to white."""
+    colours = colormaps[name].reversed()(np.linspace(0, 1, 256))
+    fade = np.clip(1 - np.linspace(0, 1, 256) / share, 0, 1)[:, None] ** 0.8
+    colours[:, :3] = colours[:, :3] * (1 - fade) + fade
+    return ListedColormap(colours, name=f"{name}_from_white")
+
+
+CONTOUR_MAP = _from_white(style.COLOURS)
 
 
 def top_density(response, start=0.02):
@@ -17,11 +29,11 @@ def top_density(response, start=0.02):
     return float(np.quantile(rows.max(axis=1), 0.9))
 
 
-def visible_range(responses, symbol):
-    """Lowest and highest value, in shown units, that some response gives a visible density."""
+def visible_range(responses, symbol, start=0):
+    """Lowest and highest value, in shown units, that some response gives a visible density from row `start` on."""
     low, high = [], []
     for response in responses:
-        seen = np.flatnonzero((response.density.p > 0.02 * top_density(response)).any(axis=0))
+        seen = np.flatnonzero((response.density.p[start:] > 0.02 * top_density(response)).any(axis=0))
         low.append(response.density.x[seen[0]])
         high.append(response.density.x[seen[-1]])
     return tuple(style.shown(symbol, [min(low), max(high)]))
@@ -31,17 +43,22 @@ def contours(axis, response, top=None):
     """Filled PDF contours of one response over axial strain; returns the mappable for a colour bar."""
     symbol, factor = response.quantity.symbol, response.quantity.shown_factor
     top = top_density(response) if top is None else top
-    levels = np.linspace(0.02, 1.0, 13) * top / factor
     filled = axis.contourf(
         style.shown("eps_a", response.strain), style.shown(symbol, response.density.x), response.density.p.T / factor,
-        levels=levels, cmap=CONTOUR_MAP, extend="max",
+        levels=density_levels(top / factor), cmap=CONTOUR_MAP, extend="max",
     )  # fmt: skip
     axis.set_xlabel(style.label("eps_a"))
     return filled
 
 
-def contour_row(figure, axes, results, symbol, family, letter):
-    """One contour panel per density on common axes, with one colour bar; the first panel bears the letter."""
+def density_levels(top):
+    """Contour levels at round numbers up to about `top`; the lowest stands just above zero so that nothing is blank."""
+    levels = MaxNLocator(16, steps=[1, 2, 2.5, 5, 10]).tick_values(0, top)
+    return np.concatenate([[0.02 * top], levels[(levels > 0.03 * top) & (levels <= 1.001 * top)]])
+
+
+def contour_row(figure, axes, results, symbol, family, title):
+    """One contour panel per density on common axes, with one colour bar; lines are means."""
     densities = results.family_densities(family)
     responses = [results.response(symbol, mu_iso, family) for mu_iso in densities]
     top = max(top_density(response) for response in responses)
@@ -56,11 +73,17 @@ def contour_row(figure, axes, results, symbol, family, letter):
     for axis in axes[len(densities) :]:
         axis.set_visible(False)
     axes[0].set_ylabel(style.label(symbol))
-    axes[0].text(-0.02, 1.16, f"({letter})", transform=axes[0].transAxes, fontsize=9.5, ha="right")
-    bar = figure.colorbar(filled, ax=list(axes), shrink=0.9, pad=0.01)
-    bar.set_label(style.pdf_label(symbol))
+    figure.suptitle(title, x=0.01, ha="left", fontsize=9.5)
+    colour_bar(figure, filled, list(axes), style.pdf_label(symbol))
+
+
+def colour_bar(figure, filled, axes, text):
+    """Colour bar with a few round ticks within its range."""
+    levels = filled.levels
+    ticks = MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]).tick_values(0, levels[-1])
+    bar = figure.colorbar(filled, ax=axes, pad=0.01, ticks=ticks[(ticks >= levels[0]) & (ticks <= levels[-1])])
+    bar.set_label(text)
     bar.ax.tick_params(labelsize=7)
-    bar.formatter.set_powerlimits((-2, 3))
 
 
 def state_density(results, state, symbol, mu_iso, family="coupled"):
@@ -82,10 +105,11 @@ def state_pdfs(axis, results, state, symbol, family="coupled", legend=False):
         factor = density_factor(symbol)
         axis.plot(density.x * factor, density.p[0] / factor, **look)
         values = style.shown(symbol, results.state(state, symbol, mu_iso, family))
-        axis.plot(values, np.full(len(values), -0.03 - 0.03 * row), "|", transform=axis.get_xaxis_transform(),
+        below = ScaledTranslation(0, -(3.5 + 4 * row) / 72, axis.figure.dpi_scale_trans)
+        axis.plot(values, np.zeros(len(values)), "|", transform=axis.get_xaxis_transform() + below,
                   color=look["color"], ms=4, mew=0.7, clip_on=False)  # fmt: skip
     axis.set_ylim(bottom=0)
-    axis.tick_params(axis="x", pad=10)
+    axis.tick_params(axis="x", pad=4 * len(densities) + 1, length=0)
     axis.set_xlabel(style.label(symbol))
     axis.set_ylabel(style.pdf_label(symbol))
     if legend:
@@ -114,14 +138,19 @@ def mean_band(axis, results, symbol, family="coupled", legend=True):
 
 
 def surface(axis, response, top=None, title=""):
-    """PDF surface over strain and value; densities above the top (the narrow start) are cut off level."""
+    """PDF surface over strain and value; what rises above the top is cut off level.
+
+    It starts where the PDFs of neighbouring strains begin to overlap: before that the surface would be single spikes.
+    """
     symbol, factor = response.quantity.symbol, response.quantity.shown_factor
     top = top_density(response) if top is None else top
-    low, high = visible_range([response], symbol)
+    apart = np.abs(np.diff(response.mean)) > 0.6 * np.hypot(response.std, response.density.shown_width)[1:]
+    start = np.flatnonzero(apart)[-1] + 1 if apart.any() and not apart[-1] else 0
+    low, high = visible_range([response], symbol, start)
     x = style.shown(symbol, response.density.x)
     columns = np.flatnonzero((x >= low) & (x <= high))
     columns = columns[:: max(1, len(columns) // 110)]
-    rows = np.unique(np.linspace(0, len(response.strain) - 1, 80).astype(int))
+    rows = np.unique(np.linspace(start, len(response.strain) - 1, 80).astype(int))
     height = np.minimum(response.density.p[np.ix_(rows, columns)], 1.05 * top) / factor
     strain, value = np.meshgrid(style.shown("eps_a", response.strain[rows]), x[columns], indexing="ij")
     draw_surface(axis, strain, value, height, (style.short_label("eps_a"), style.short_label(symbol)), title)
@@ -133,10 +162,12 @@ def draw_surface(axis, x, y, height, labels, title=""):
     axis.view_init(elev=34, azim=-58)
     axis.set_xlabel(labels[0], labelpad=1)
     axis.set_ylabel(labels[1], labelpad=1)
-    axis.set_zlabel("PDF", labelpad=-2)
+    axis.text2D(0.99, 0.8, "PDF", transform=axis.transAxes, ha="right", fontsize=8)
     axis.tick_params(labelsize=7, pad=0)
-    axis.set_title(title, y=0.97)
-    axis.set_box_aspect((1.25, 1, 0.7), zoom=0.92)
+    for side in (axis.xaxis, axis.yaxis, axis.zaxis):
+        side.set_major_locator(MaxNLocator(5))
+    axis.set_title(title, y=0.98, loc="left")
+    axis.set_box_aspect((1.25, 1, 0.7), zoom=0.88)
 
 
 def panel_title(axis, letter, title=""):

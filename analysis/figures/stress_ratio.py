@@ -13,12 +13,12 @@ def stress_ratio(results):
     alone = "G_p" in results.families
     figure = style.new_figure(7.6, 8.6 if alone else 6.4)
     rows = figure.subfigures(3 if alone else 2, 1, height_ratios=[1.0] * alone + [1.0, 1.15])
-    panels.contour_row(rows[0], rows[0].subplots(1, _columns(results)), results, "eta", "coupled", "a")
-    rows[0].suptitle(r"$\mu_s$ and $G_p$ vary together", fontsize=9.5)
+    panels.contour_row(rows[0], rows[0].subplots(1, _columns(results)), results, "eta", "coupled",
+                       r"(a) $\mu_s$ and $G_p$ vary together; line: mean")  # fmt: skip
     if alone:
         fixed = results.family_points("G_p")["mu_s"].iloc[0]
-        panels.contour_row(rows[1], rows[1].subplots(1, _columns(results)), results, "eta", "G_p", "b")
-        rows[1].suptitle(rf"$G_p$ varies alone, $\mu_s$ = {fixed:g}", fontsize=9.5)
+        panels.contour_row(rows[1], rows[1].subplots(1, _columns(results)), results, "eta", "G_p",
+                           rf"(b) $G_p$ varies alone, $\mu_s$ = {fixed:g}")  # fmt: skip
     left, middle, right = rows[-1].subplots(1, 3, width_ratios=[1.35, 1, 1])
     panels.mean_band(left, results, "eta")
     panels.panel_title(left, "c" if alone else "b", "mean")
@@ -38,8 +38,7 @@ def surfaces(results):
     figure = style.new_figure(7.2, 6.6)
     plan = figure.add_subplot(2, 2, 1)
     response = results.response("eta", densities[0])
-    bar = figure.colorbar(panels.contours(plan, response), ax=plan, pad=0.02)
-    bar.set_label(style.pdf_label("eta"))
+    panels.colour_bar(figure, panels.contours(plan, response), plan, style.pdf_label("eta"))
     plan.set_ylabel(style.label("eta"))
     plan.set_ylim(*panels.visible_range([response], "eta"))
     panels.panel_title(plan, "a", style.density_title(densities[0], densities) + ", in plan")
@@ -72,6 +71,7 @@ def peak_and_critical(results):
         axis.set_xlabel(style.label("eps_a"))
         axis.set_ylabel(style.label(symbol))
         axis.set_xlim(left=0)
+        axis.axvspan(1.02 * strain[-1], axis.get_xlim()[1], color="0.95", zorder=0)
         panels.panel_title(axis, letter, "lines: means")
     marks = [("^", "full", "peak of a point"), ("o", "none", "critical state of a point, averaged")]
     for marker, fill, text in marks:

@@ -1,0 +1,50 @@
+"""Design-ready numbers: friction angles at the peak and at the critical state with their characteristic 5 % values."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from analysis import pdem, weighted
+from analysis.results import read_results
+
+LEVEL = 0.05
+
+
+def design_table(results, n_boot=200, seed=1, family="coupled") -> pd.DataFrame:
+    """Mean and characteristic (5 %) friction angles, degrees, per density and state, with 95 % bands.
+
+    The characteristic value is taken twice: straight from the points, which cannot say more than their lowest, and from
+    the shown density, whose kernel makes it lower and so safer.  Bands come from resampling the points.  The angles
+    carry the uncertainty of the population's mean grain properties; scatter within one deposit is not in them.
+    """
+    results = read_results(results)
+    rng = np.random.default_rng(seed)
+    rows = []
+    for mu_iso in results.family_densities(family):
+        for state in ("peak", "critical"):
+            angle = friction_angle(results.state(state, "eta", mu_iso, family))
+            known = np.isfinite(angle)
+            angle, weight = angle[known], results.weights(mu_iso, family)[known]
+            index = rng.integers(len(angle), size=(n_boot, len(angle)))
+            drawn = np.array([_numbers(angle[i], weight[i] / weight[i].sum()) for i in index])
+            low, high = np.quantile(drawn, [0.025, 0.975], axis=0)
+            row = {"mu_iso": mu_iso, "state": state, "points": len(angle)}
+            for k, (name, value) in enumerate(zip(NUMBERS, _numbers(angle, weight / weight.sum()), strict=True)):
+                row |= {name: value, f"{name}, from": low[k], f"{name}, to": high[k]}
+            rows.append(row)
+    return pd.DataFrame(rows)
+
+
+NUMBERS = ("mean (deg)", "characteristic 5 % from the points (deg)", "characteristic 5 % from the density (deg)")
+
+
+def friction_angle(eta):
+    """Friction angle in degrees mobilised in triaxial compression, sin phi = 3 eta / (6 + eta)."""
+    eta = np.asarray(eta, float)
+    return np.degrees(np.arcsin(3 * eta / (6 + eta)))
+
+
+def _numbers(angle, weight):
+    shown = pdem.state_density(angle, weight, cells=160).quantile(LEVEL)[0]
+    return float(weighted.mean(angle, weight)), float(weighted.quantile(angle, weight, LEVEL)), float(shown)

@@ -1,0 +1,39 @@
+"""What Liu, Lyu & Zhao (2025) state, as numbers to hold a campaign against; nothing here enters a computation."""
+
+from __future__ import annotations
+
+REFERENCE = (
+    "Liu, Lyu & Zhao (2025), Quantifying the impact of the inherent coupling of particle-scale variability on granular "
+    "soil behavior, J. Geotech. Geoenviron. Eng."
+)
+
+#: Table 3: (quantity, mu_iso) -> (mean, COV).
+INITIAL_STATE = {
+    ("e", 0.001): (0.538, 0.001), ("e", 0.04): (0.582, 0.007), ("e", 0.1): (0.620, 0.005),
+    ("e_m", 0.001): (0.581, 0.004), ("e_m", 0.04): (0.642, 0.011), ("e_m", 0.1): (0.705, 0.008),
+    ("Z", 0.001): (5.77, 0.006), ("Z", 0.04): (5.33, 0.010), ("Z", 0.1): (4.92, 0.008),
+    ("Z_m", 0.001): (6.14, 0.004), ("Z_m", 0.04): (5.76, 0.007), ("Z_m", 0.1): (5.43, 0.005),
+}  # fmt: skip
+
+#: Ranges of the stress ratio that the text reads off its Figure 5: (state, quantity, mu_iso) -> (from, to).
+STATE_RANGE = {
+    ("peak", "eta", 0.001): (0.6, 1.2), ("peak", "eta", 0.1): (0.5, 0.9),
+    ("critical", "eta", 0.001): (0.5, 0.8), ("critical", "eta", 0.04): (0.5, 0.8), ("critical", "eta", 0.1): (0.5, 0.8),
+    **{(state, "Z", mu_iso): (3.3, 5.5) for state in ("peak", "critical") for mu_iso in (0.001, 0.04, 0.1)},
+}  # fmt: skip
+
+#: Table 1: property -> (family, median in SI, sigma_ln, Kolmogorov-Smirnov distance).
+MARGINALS = {"mu_s": ("lognormal", 0.214, 0.469, 0.123), "G_p": ("lognormal", 25.7e9, 0.354, 0.102)}
+
+#: Table 2: copula family -> (parameters, AIC).
+COPULAS = {
+    "gaussian": ((-0.738,), -59.25), "student": ((-0.722, 6.05), -57.94),
+    "frank": ((-5.40,), -43.68), "plackett": ((0.198,), -41.78),
+}  # fmt: skip
+
+GRADING_INDEX = 1.19
+GRADING_INDEX_COV = 0.001
+STEADY_STRAIN = 0.25
+PARTICLES = 23312
+POINTS = 100
+RUNS = 600

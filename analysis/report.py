@@ -1,0 +1,194 @@
+"""The campaign's story as one self-contained HTML page, beside what the paper states, with how far to trust it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from analysis import paper, report_text, tables, trust, weighted, webpage
+from analysis.figures import FIGURES, write_figures
+from analysis.quantities import QUANTITIES
+from analysis.results import read_results
+
+
+def write_report(results, folder) -> Path:
+    """Draw all figures into <folder>/figures and write <folder>/report.html from results (a path or open).
+
+    The page embeds its pictures, needs no network, and is written whole or not at all.  Returns its path.
+    """
+    results = read_results(results)
+    folder = Path(folder)
+    figures = dict(zip(FIGURES, write_figures(results, folder / "figures"), strict=True))
+    name = results.attrs["campaign"] or folder.resolve().name
+    text = webpage.page(f"Campaign {name}", sections(results, figures, name))
+    target = folder / "report.html"
+    part = folder / f".report.{os.getpid()}.part"
+    part.write_text(text, encoding="utf-8")
+    os.replace(part, target)
+    return target
+
+
+def sections(results, figures, name) -> list[tuple[str, str]]:
+    """The page's sections in order, as (heading, HTML)."""
+    claims = tables.claims_table(results)
+    return [
+        ("", _head(results, claims, name)),
+        ("Inputs: measured pairs", _inputs(results, figures)),
+        ("Representative points and grading", _points(results, figures)),
+        ("Runs", _runs(results)),
+        ("Initial states", _initial(results)),
+        ("Stress ratio", _pictures(figures, "fig05", "fig06", "fig07") + _peak_critical(results)),
+        ("Void ratios, coordination, fabric", _pictures(figures, "fig08", "fig09", "fig10", "fig11", "fig12")),
+        ("Stiffness and dilatancy", _pictures(figures, "fig13")),
+        ("Joint densities", _pictures(figures, "fig14", "fig15")),
+        ("The paper's claims, each with a number", _claims(claims)),
+        ("Friction angles for design", _design(results)),
+        ("How far every number can be trusted", _trust(results)),
+        ("Where this comes from", _provenance(results)),
+    ]
+
+
+def _head(results, claims, name):
+    counts = claims["verdict"].value_counts()
+    done = int((results.runs["status"] == "done").sum())
+    hours = results.runs["cpu_seconds"].sum() / 3600
+    size = report_text.particles(results)
+    items = [
+        (str(len(results.points)), f"points of ({_sign('mu_s')}, {_sign('G_p')})"),
+        (str(len(results.densities)), "densities"),
+        (f"{done} of {len(results.runs)}", "runs with a product"),
+        (size, "spheres a run"),
+        (f"{hours:.2g} h", "processor time"),
+        (f"{counts.get('held', 0)} / {counts.get('not held', 0)} / {len(claims) - counts.get('held', 0) - counts.get('not held', 0)}",
+         "claims held / not held / open"),
+    ]  # fmt: skip
+    words = [f"How the scatter of two grain properties, interparticle friction and particle shear modulus, shows up in the "
+             f"behaviour of a granular soil: {len(results.points)} representative points of their joint distribution, "
+             f"each sheared by the discrete element method at {len(results.densities)} densities, and the probability "
+             f"densities that follow. Statements of {paper.REFERENCE} stand beside the numbers of this campaign."]  # fmt: skip
+    words += report_text.size_warning(results)
+    return f"<h1>Campaign {webpage.escape(name)}</h1>" + "".join(map(webpage.paragraph, words)) + webpage.cards(items)
+
+
+def _inputs(results, figures):
+    parts = [webpage.paragraph(report_text.source(results))]
+    parts.append(_pictures(figures, "fig02"))
+    marginals = tables.marginals(results)
+    wanted = ["property", "family", "parameters (SI)", "aic", "ks", "ks_critical", "ks_critical_fitted"]
+    if len(marginals):
+        parts.append(webpage.table(marginals[[c for c in wanted if c in marginals]], "Table 1. Marginal distributions, "
+                                   "smallest AIC first", stack=True))  # fmt: skip
+        parts.append(webpage.paragraph(report_text.marginals_against_paper(results)))
+    copulas = tables.copulas(results)
+    wanted = ["family", "parameters", "aic", "tau", "S", "p_paper", "p_bootstrap", "accepted"]
+    if len(copulas):
+        parts.append(webpage.table(copulas[[c for c in wanted if c in copulas]], "Table 2. Copulas: pseudo-AIC on ranks, "
+                                   "Cramér–von Mises distance S and its p-values", stack=True))  # fmt: skip
+        parts.append(webpage.paragraph(report_text.copulas_against_paper(results)))
+    return "".join(parts)
+
+
+def _points(results, figures):
+    attrs = results.inputs["points"]
+    facts = "; ".join(f"{k} = {_plain(v)}" for k, v in attrs.items() if k != "columns")
+    ranges = " and ".join(f"{_sign(s)} from {_shown(s, results.points[s].min())} to {_shown(s, results.points[s].max())}"
+                          for s in ("mu_s", "G_p"))  # fmt: skip
+    text = f"{len(results.points)} points with {ranges}" + (f" ({facts})." if facts else ".")
+    text += " The paper's 100 points span 0.15–0.65 and 16–61 GPa, which its own lognormals do not allow at the lower ends."
+    return webpage.paragraph(text) + _pictures(figures, "fig03", "fig04")
+
+
+def _runs(results):
+    return webpage.table(trust.run_counts(results), "Runs by stage") + "".join(
+        map(webpage.paragraph, report_text.run_notes(results))
+    )
+
+
+def _initial(results):
+    frame = tables.initial_state(results)
+    worst = frame.loc[frame["difference (%)"].abs().idxmax()] if frame["difference (%)"].notna().any() else None
+    text = "The state before shear, as averages over the points." + (
+        f" The largest difference to the paper's Table 3 is {worst['difference (%)']:+.1f} % "
+        f"({_sign(worst['quantity'])} at mu_iso = {worst['mu_iso']:g})." if worst is not None else ""
+    )  # fmt: skip
+    return webpage.paragraph(text) + webpage.table(frame.rename(columns={"paper mean": "paper", "difference (%)": "diff. (%)"}),
+                                                   "Table 3. Initial soil state beside the paper's")  # fmt: skip
+
+
+def _peak_critical(results):
+    frame = tables.peak_critical(results)
+    frame = frame[(frame["family"] == "coupled") & frame["quantity"].isin(["eta", "e", "Z"])]
+    frame = frame[frame["state"].isin(["peak", "critical"])]
+    frame = frame.assign(paper=[f"{a:g}–{b:g}" if np.isfinite(a) else "–" for a, b in
+                                zip(frame["paper from"], frame["paper to"], strict=True)])  # fmt: skip
+    columns = ["quantity", "state", "mu_iso", "mean", "COV", "least", "largest", "paper"]
+    return webpage.table(frame.sort_values(["quantity", "state", "mu_iso"])[columns], "Peak and critical state: moments and "
+                         "range over the points, beside the range that the paper reads off its figures")  # fmt: skip
+
+
+def _claims(claims):
+    intro = ("Each claim became a number with a 95 % interval from resampling the points. It is held if the whole interval "
+             "meets the criterion, not held if none of it does, and open otherwise; the criteria are this project's reading "
+             "of the paper's words.")  # fmt: skip
+    frame = claims.assign(interval=[f"{webpage.number(a)} … {webpage.number(b)}" for a, b in
+                                    zip(claims["from"], claims["to"], strict=True)])  # fmt: skip
+    return webpage.paragraph(intro) + webpage.table(
+        frame[["claim", "verdict", "number", "value", "interval", "criterion"]], stack=True
+    )
+
+
+def _design(results):
+    frame = tables.design_table(results)
+    names = {"mean (deg)": "mean", "characteristic 5 % from the points (deg)": "5 % of points",
+             "characteristic 5 % from the density (deg)": "5 % of density"}  # fmt: skip
+    for long, short in names.items():
+        frame[short] = [f"{v:.1f} ({a:.1f}–{b:.1f})" for v, a, b in
+                        zip(frame[long], frame[f"{long}, from"], frame[f"{long}, to"], strict=True)]  # fmt: skip
+    text = ("Friction angles in degrees in triaxial compression, sin φ = 3η/(6+η), with 95 % bands from resampling the points. "
+            "Every run gives all its grains one pair of properties, so the spread is that of the population's mean properties, "
+            "not the scatter within one deposit.")  # fmt: skip
+    return webpage.paragraph(text) + webpage.table(frame[["mu_iso", "state", *names.values()]],
+                                                   "Mean and characteristic friction angles (degrees)")  # fmt: skip
+
+
+def _trust(results):
+    parts = [webpage.table(trust.proofs(results), "What every run proves about itself, over all shear runs")]
+    parts += map(webpage.paragraph, report_text.proof_notes(results))
+    parts.append(webpage.table(trust.noise(results), "How much of a spread is noise: standard deviation over the points, "
+                               "standard error of one run's critical average, scatter between packings"))  # fmt: skip
+    parts.append(webpage.table(trust.widths(results), "Width of the shown densities: kernel against the spread of the "
+                               "points, at the last strain"))  # fmt: skip
+    parts.append(webpage.table(trust.losses(results), "Failed and continued shear runs, and the probability they held"))
+    return "".join(parts)
+
+
+def _provenance(results):
+    attrs = results.attrs
+    facts = [f"results.h5 of {attrs['created']}"] + [f"{k} {v}" for k, v in attrs["versions"].items()]
+    facts += [f"YADE {v}" for v in sorted(set(results.runs["yade_version"]) - {""})]
+    digests = sorted(set(results.runs["script_digest"]) - {""})
+    facts.append("run scripts " + ", ".join(d[:12] for d in digests))
+    return webpage.paragraph("; ".join(facts) + ".") + f"<h3>Settings</h3><pre>{webpage.escape(attrs['config'])}</pre>"
+
+
+def _pictures(figures, *starts):
+    return "".join(
+        webpage.figure(path, report_text.CAPTIONS[name[:5]])
+        for start in starts for name, path in figures.items() if name.startswith(start)
+    )  # fmt: skip
+
+
+def _sign(symbol):
+    return report_text.SIGNS.get(symbol, symbol)
+
+
+def _shown(symbol, value):
+    quantity = QUANTITIES[symbol]
+    unit = quantity.shown_unit or quantity.unit
+    return f"{value * quantity.shown_factor:.3g}" + ("" if unit in ("", "1") else f" {unit}")
+
+
+def _plain(value):
+    return ", ".join(f"{v:.3g}" for v in np.atleast_1d(value)) if np.asarray(value).dtype.kind == "f" else str(value)

@@ -1,0 +1,102 @@
+"""How far a campaign's numbers can be trusted: counts, proofs, noise, widths and losses as small frames."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+
+from analysis import weighted
+from analysis.quantities import QUANTITIES
+from analysis.results import read_results
+
+PROOFS = {
+    "max_inertial_number": "largest inertial number",
+    "servo_mean_error": "mean error of the confining stress",
+    "servo_max_error": "largest error of the confining stress",
+    "energy_error": "energy balance error",
+    "F_unb": "unbalanced force",
+}
+
+
+def run_counts(results) -> pd.DataFrame:
+    """One row per family and stage: runs planned, done, failed, stopped early as steady, and their cost."""
+    runs = read_results(results).runs
+    rows = []
+    for (family, stage), part in runs.groupby(["family", "stage"], sort=False):
+        rows.append({
+            "family": family, "stage": stage, "planned": len(part), "done": int((part["status"] == "done").sum()),
+            "failed": int((part["status"] == "failed").sum()), "steady early": int((part["reason"] == "steady").sum()),
+            "hours": part["cpu_seconds"].sum() / 3600, "steps, mean": part["steps"].mean(),
+        })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def proofs(results) -> pd.DataFrame:
+    """Median and largest value of every proof over the shear runs that have it."""
+    runs = read_results(results).runs
+    shear = runs[(runs["stage"] == "shear") & (runs["status"] == "done")]
+    rows = []
+    for name, words in PROOFS.items():
+        values = shear[name].abs().dropna()
+        if len(values):
+            rows.append({"proof": words, "median": values.median(), "largest": values.max(),
+                         "run of the largest": shear.loc[values.idxmax(), "run_id"]})  # fmt: skip
+    return pd.DataFrame(rows, columns=["proof", "median", "largest", "run of the largest"])
+
+
+def noise(results, symbols=("eta", "e", "Z", "Phi_dev")) -> pd.DataFrame:
+    """Per density and quantity at the critical state: spread of the points against what one run's average is worth.
+
+    Standard errors come from block averages within a run, the scatter from replicate packings at the same point
+    (standard deviation, averaged over the points that have some; NaN without).  All in shown units.
+    """
+    results = read_results(results)
+    rows = []
+    for mu_iso in results.family_densities():
+        weight = results.weights(mu_iso)
+        for symbol in symbols:
+            factor = QUANTITIES[symbol].shown_factor
+            spread = float(weighted.std(results.state("critical", symbol, mu_iso), weight))
+            error = results.state_error("critical", symbol, mu_iso)
+            own = np.nan if error is None else float(weighted.mean(error**2, weight)) ** 0.5
+            rows.append({"mu_iso": mu_iso, "quantity": symbol, "spread of points": factor * spread,
+                         "error of one run": factor * own, "share of variance": (own / spread) ** 2 if spread else np.nan,
+                         "between packings": factor * packing_scatter(results, "critical", symbol, mu_iso)})  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def packing_scatter(results, state, symbol, mu_iso, family="coupled") -> float:
+    """Standard deviation between packings at the same point, pooled over the points with several; NaN without any."""
+    sets = results.state_replicates(state, symbol, mu_iso, family)
+    if sets is None:
+        return float("nan")
+    several = np.isfinite(sets).sum(axis=0) > 1
+    if not several.any():
+        return float("nan")
+    return float(np.sqrt(np.mean(np.nanvar(sets[:, several], axis=0, ddof=1))))
+
+
+def widths(results, symbols=("eta", "e", "Z", "Phi_dev")) -> pd.DataFrame:
+    """Kernel width of the shown densities beside the points' standard deviation and spacing, at the last strain."""
+    results = read_results(results)
+    rows = []
+    for mu_iso in results.family_densities():
+        for symbol in symbols:
+            response = results.response(symbol, mu_iso)
+            density, factor = response.density, QUANTITIES[symbol].shown_factor
+            rows.append({"mu_iso": mu_iso, "quantity": symbol, "spread of points": factor * float(response.std[-1]),
+                         "width shown": factor * float(density.shown_width[-1]),
+                         "spacing of points": factor * float(density.spacing[-1]), "method": density.method})  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def losses(results) -> pd.DataFrame:
+    """Per family and density: shear runs planned, done, failed, continued as steady, and the probability lost."""
+    results = read_results(results)
+    names = ("planned", "done", "failed", "extended", "lost_probability")
+    rows = []
+    for family in results.families:
+        for mu_iso in results.family_densities(family):
+            counts = results.counts(mu_iso, family)
+            rows.append({"family": family, "mu_iso": mu_iso} | {name.replace("_", " "): counts[name] for name in names})
+    return pd.DataFrame(rows)
