@@ -8,7 +8,7 @@ import pytest
 from scipy import stats
 
 from analysis import pdem
-from analysis.density import Density, l1_distance
+from analysis.density import Density, l1_distance, wasserstein
 
 STRAIN = np.linspace(0.0, 0.3, 5)
 
@@ -48,6 +48,10 @@ def test_l1_distance_of_two_normals_is_the_known_one():
     expected = 2 * (2 * stats.norm.cdf(0.5 * apart / 0.1) - 1)
     assert l1_distance(one_kernel(), one_kernel(at=2.0 + apart)) == pytest.approx(np.full(5, expected), abs=1e-3)
     assert np.all(l1_distance(one_kernel(), one_kernel()) < 1e-12)
+
+
+def test_wasserstein_distance_of_a_shift_is_the_shift():
+    assert wasserstein(one_kernel(), one_kernel(at=2.03)) == pytest.approx(np.full(5, 0.03), rel=1e-3)
 
 
 def test_a_single_strain_can_be_picked():
