@@ -1,0 +1,81 @@
+"""Stage 1, isotropic consolidation: from the assembly (no contacts) to equilibrium at sigma_3 with friction mu_iso.
+
+    YADE_BATCH=runs.table:2 yade -n -x -j1 yade_scripts/consolidate.py        one row
+    yade-batch runs.table yade_scripts/consolidate.py                         all rows
+
+The product holds the history, the last snapshot and the scene itself, from which `probe.py` and `shear.py` start.
+"""
+
+import math
+import os
+import sys
+
+sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(sys.argv[0]))))
+
+from minieigenHP import Matrix3, Vector3
+
+from analysis.assembly import read_assembly
+from yade_scripts import equilibrium, rve
+from yade_scripts.material import swap, target
+from yade_scripts.product import saved_scene
+from yade_scripts.record import History, snapshot
+from yade_scripts.rve import O
+from yade_scripts.stage import main
+
+TOUCH = 0.1  # share of sigma_3 at which the rate-driven compression hands over to the servo
+COMPRESSION_I, RAMP_TIMES = 2e-3, 25.0  # inertial number of the compression; length of the ramp in inertial times
+DAMPING, MAX_STEPS = 0.1, 1_500_000  # local damping while consolidating: it only removes vibration
+
+
+def protocol(p, product) -> None:
+    """Compress at a constant rate, ramp the stress up to sigma_3, hold until equilibrium is proven."""
+    rve.build(read_assembly(p.assembly), p)
+    swap(*target(p, p.mu_iso), p.nu, p.rho)
+    p.N = len(O.bodies)
+    rve.engine("newton").damping = DAMPING
+    history = History(p)
+    compress(p, history)
+    ramp(p, history)
+    product.proofs = equilibrium.reach(p, equilibrium.window_steps(p), MAX_STEPS, 3 * DAMPING)
+    history()
+    product.record = history.arrays()
+    product.snapshots = [snapshot("end", 0.0)]
+    product.state, product.exit_reason = saved_scene(), "equilibrium"
+    product.write()
+
+
+def compress(p, history) -> None:
+    """Shrink the cell at a constant rate until the grains carry a tenth of sigma_3."""
+    rate = COMPRESSION_I / (p.d50 * math.sqrt(p.rho / p.sigma_3))
+    O.cell.velGrad = Matrix3(-rate, 0, 0, 0, -rate, 0, 0, 0, -rate)
+    O.dt = 0.5 * rve.rayleigh_step(p)
+
+    def touched():
+        history()
+        if rve.stress().trace() / 3.0 > TOUCH * p.sigma_3:
+            O.pause()
+
+    rve.every(100, touched)
+    rve.run(math.ceil(1.0 / rate / O.dt))
+
+
+def ramp(p, history) -> None:
+    """Hand over to the servo and raise its target to sigma_3, slowly enough not to overshoot."""
+    rve.use_contact_time_step(p)
+    start, begin = rve.stress().trace() / 3.0, O.time
+    length = RAMP_TIMES * p.d50 * math.sqrt(p.rho / p.sigma_3)
+    rve.servo_isotropic(p, start, 20.0 * rve.strain_rate(p))
+
+    def raise_goal():
+        history()
+        done = min(1.0, (O.time - begin) / length)
+        goal = start + (p.sigma_3 - start) * done
+        rve.engine("servo").goal = Vector3(-goal, -goal, -goal)
+        if done == 1.0:
+            O.pause()
+
+    rve.every(50, raise_goal)
+    rve.run(10**7)
+
+
+main("consolidate", protocol)

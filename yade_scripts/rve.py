@@ -1,0 +1,204 @@
+"""The representative volume element: spheres in a periodic cell, its engines, servo and material.
+
+Imported by the stages inside YADE.  Compression is negative in YADE and positive in everything that leaves this module.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from minieigenHP import Matrix3, Vector3
+from yade import utils
+from yade.wrapper import (
+    Bo1_Sphere_Aabb,
+    ForceResetter,
+    FrictMat,
+    GlobalStiffnessTimeStepper,
+    Ig2_Sphere_Sphere_ScGeom,
+    InsertionSortCollider,
+    InteractionLoop,
+    Ip2_FrictMat_FrictMat_MindlinPhys,
+    Law2_ScGeom_MindlinPhys_Mindlin,
+    NewtonIntegrator,
+    Omega,
+    PeriTriaxController,
+    PyRunner,
+)
+
+O = Omega()  # noqa: E741  YADE's own name for its scene
+
+#: Mass of the servo's cell (kg/m) over rho * solid fraction * L^2, and its damping: holds p' within 0.5 % for any N.
+SERVO_MASS, SERVO_DAMPING = 0.05, 0.8
+
+
+class ProofError(RuntimeError):
+    """A stage could not prove what it claims; the text carries quantity, value and limit."""
+
+
+def build(assembly, p) -> None:
+    """Fill the scene with the assembly's spheres (position, radius in m) in its periodic cell."""
+    O.reset()
+    O.periodic = True
+    O.cell.setBox(Vector3(*map(float, assembly.cell)))
+    material = O.materials.append(
+        FrictMat(
+            young=young(p.G_p * p.stiffness_scale, p.nu), poisson=p.nu, frictionAngle=math.atan(p.mu_iso), density=p.rho
+        )
+    )
+    O.bodies.append(
+        [
+            utils.sphere(Vector3(*map(float, x)), float(r), material=material)
+            for x, r in zip(assembly.position, assembly.radius, strict=True)
+        ]
+    )
+    set_engines(p)
+
+
+def young(G: float, nu: float) -> float:
+    """Young's modulus (Pa) from shear modulus (Pa) and Poisson's ratio."""
+    return 2.0 * G * (1.0 + nu)
+
+
+def rayleigh_step(p) -> float:
+    """Rayleigh time step (s) of the smallest grain (spec section 8)."""
+    radius = min(b.shape.radius for b in O.bodies)
+    return math.pi * radius * math.sqrt(p.rho / (p.G_p * p.stiffness_scale)) / (0.1631 * p.nu + 0.8766)
+
+
+def strain_rate(p) -> float:
+    """Axial strain rate (1/s) of the inertial number asked for: I = rate * d50 * sqrt(rho / sigma_3)."""
+    return p.inertial_number / (p.d50 * math.sqrt(p.rho / p.sigma_3))
+
+
+def set_engines(p, calc_energy: bool = False) -> None:
+    """The whole loop: no gravity, no clumps, no viscous contact damping, no torque law, nothing a sphere scene can skip.
+
+    The time step is a third of the Rayleigh step until `use_contact_time_step` is called: with few contacts the
+    stiffness-based step is meaningless.
+    """
+    edge = O.cell.volume ** (1.0 / 3.0)
+    O.engines = [
+        ForceResetter(),
+        InsertionSortCollider([Bo1_Sphere_Aabb()], verletDist=-0.1, label="collider"),
+        InteractionLoop(
+            [Ig2_Sphere_Sphere_ScGeom()],
+            [Ip2_FrictMat_FrictMat_MindlinPhys()],
+            [Law2_ScGeom_MindlinPhys_Mindlin(calcEnergy=calc_energy, label="law")],
+            label="contacts",
+        ),
+        GlobalStiffnessTimeStepper(
+            active=False,
+            timestepSafetyCoefficient=p.timestep_factor,
+            timeStepUpdateInterval=25,
+            densityScaling=bool(p.density_scaling),
+            label="stepper",
+        ),
+        PeriTriaxController(
+            dynCell=True,
+            globUpdate=1,
+            growDamping=SERVO_DAMPING,
+            dead=True,
+            mass=SERVO_MASS * p.rho * 0.62 * edge**2,
+            absStressTol=1e12,
+            relStressTol=1e-12,
+            maxUnbalanced=1e-12,
+            label="servo",
+        ),
+        NewtonIntegrator(damping=p.damping, label="newton"),
+        PyRunner(iterPeriod=1, dead=True, label="watch"),
+    ]
+    O.dt = rayleigh_step(p) / 3.0
+
+
+def engine(label: str):
+    """The engine of that label (labels are globals of YADE's prompt only)."""
+    return next(e for e in O.engines if e.label == label)
+
+
+def contact_law():
+    return engine("contacts").lawDispatcher.functors[0]
+
+
+def use_contact_time_step(p) -> None:
+    """From here on the step follows the contact stiffness, capped at twice the Rayleigh step."""
+    stepper = engine("stepper")
+    stepper.maxDt = 2.0 * rayleigh_step(p)
+    stepper.timestepSafetyCoefficient = p.timestep_factor
+    stepper.active = True
+
+
+def servo_isotropic(p, pressure: float, max_rate: float) -> None:
+    """Hold the mean stress `pressure` (Pa) on all three axes."""
+    servo = engine("servo")
+    servo.stressMask = 7
+    servo.goal = Vector3(-pressure, -pressure, -pressure)
+    servo.maxStrainRate = Vector3(max_rate, max_rate, max_rate)
+    servo.mass = SERVO_MASS * p.rho * 0.62 * O.cell.volume ** (2.0 / 3.0)
+    servo.dead = False
+
+
+def servo_triaxial(p, strain_end: float) -> None:
+    """Shorten the z axis at the asked rate up to the logarithmic strain `strain_end`; hold sigma_3 on x and y."""
+    O.cell.trsf = Matrix3.Identity
+    rate = strain_rate(p)
+    servo = engine("servo")
+    servo.stressMask = 3
+    servo.goal = Vector3(-p.sigma_3, -p.sigma_3, -2.0 * strain_end)
+    servo.maxStrainRate = Vector3(20.0 * rate, 20.0 * rate, rate)
+    servo.strain = Vector3(0, 0, 0)
+    servo.strainRate = Vector3(0, 0, 0)
+    servo.mass = SERVO_MASS * p.rho * 0.62 * O.cell.volume ** (2.0 / 3.0)
+    servo.dead = False
+
+
+def trim_servo(p, sigma: np.ndarray, gain: float = 0.05) -> None:
+    """Shift the lateral goals against the error just sampled, so that the *mean* of sigma_3 is held.
+
+    The servo's own damping is lopsided while the cell deforms (it slows what follows the motion and speeds what opposes
+    it) and alone leaves sigma_3 some 0.4 % high.  The shift lives in the servo's goal and is limited to 5 %.
+    """
+    servo = engine("servo")
+    goal = [servo.goal[i] + gain * (float(sigma[i, i]) - p.sigma_3) for i in (0, 1)]
+    lateral = [-min(max(-g, 0.95 * p.sigma_3), 1.05 * p.sigma_3) for g in goal]
+    servo.goal = Vector3(lateral[0], lateral[1], servo.goal[2])
+
+
+def release_servo() -> None:
+    """No servo, no deformation."""
+    engine("servo").dead = True
+    O.cell.velGrad = Matrix3.Zero
+
+
+def every(period: int, call) -> None:
+    """Call `call()` every `period` steps; its exception stops the run and is raised again by `run`."""
+    import __main__
+
+    def guarded() -> None:
+        try:
+            call()
+        except BaseException as error:
+            __main__.rve_watch_error = error
+            O.pause()
+
+    __main__.rve_watch, __main__.rve_watch_error = guarded, None
+    watch = engine("watch")
+    watch.iterPeriod, watch.command, watch.dead = max(1, int(period)), "rve_watch()", False
+
+
+def run(steps: int) -> None:
+    """Run up to that many steps; what `every` raised is raised here."""
+    import __main__
+
+    O.run(int(steps), True)
+    engine("watch").dead = True
+    error, __main__.rve_watch_error = getattr(__main__, "rve_watch_error", None), None
+    if error is not None:
+        raise error
+
+
+def stress() -> np.ndarray:
+    """Love's stress (3, 3), Pa, compression positive, symmetrised."""
+    tensor = utils.getStress()
+    s = -np.array([[tensor[i, j] for j in range(3)] for i in range(3)])
+    return 0.5 * (s + s.T)

@@ -1,0 +1,39 @@
+"""Begin with the packing of an earlier stage: load it, give it this run's material, bring it to rest."""
+
+from __future__ import annotations
+
+from yade.wrapper import Omega
+
+from yade_scripts import equilibrium, rve
+from yade_scripts.material import swap, target
+from yade_scripts.product import load_start
+
+O = Omega()  # noqa: E741  YADE's own name for its scene
+
+DAMPING, MAX_STEPS = 0.3, 400_000  # local damping while coming to rest; it is off (p.damping) when shear begins
+#: A run takes these from its start product, unless its own table names them: the packing decides.
+INHERITED = ("N", "sigma_ln", "seed", "mu_iso", "assembly")
+
+
+def begin(p, quiet: float = equilibrium.FORCE_LIMIT, calc_energy: bool = False) -> dict[str, float]:
+    """Load p.start and return the proof of equilibrium with this run's mu_s, G_p and sigma_3.
+
+    A packing that already has them (a probe's product) is taken as it is: its own proof holds and nothing is run.
+    """
+    origin = load_start(p.start)
+    for name in INHERITED:
+        if name in origin:
+            setattr(p, name, origin[name])
+    p.N = len(O.bodies)
+    O.resetTime()
+    rve.set_engines(p, calc_energy)
+    rve.use_contact_time_step(p)
+    same = origin["stage"] == "probe" and all(
+        origin[name] == getattr(p, name) for name in ("mu_s", "G_p", "stiffness_scale", "sigma_3", "heterogeneity")
+    )
+    if same:
+        O.run(1, True)  # the contact law knows its scene only after a step
+        return {}
+    mu, G = target(p, p.mu_s)
+    swap(mu, G, p.nu, p.rho)
+    return equilibrium.reach(p, equilibrium.window_steps(p), MAX_STEPS, DAMPING, quiet)
