@@ -1,0 +1,219 @@
+"""The triaxial test read from its record: stress ratio, strains, peak state, critical state with its proof, dilatancy.
+
+Compression is positive, the axis of loading is z.  Records are averages over output windows; a peak is taken from a
+smoothed curve and a critical state from blocks, because a single window of a small packing scatters by some percent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.special import stdtrit
+
+#: Strain over which the stress ratio at the critical state forgets itself, and so the least length of a block.
+CORRELATION_STRAIN = 0.03
+
+
+class TriaxialError(ValueError):
+    """A record from which the asked state cannot be taken."""
+
+
+@dataclass(frozen=True)
+class PeakState:
+    """Where the smoothed stress ratio is largest, and the other smoothed quantities there."""
+
+    index: int
+    eps_a: float
+    eta: float
+    eta_error: float
+    values: dict = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class CriticalState:
+    """Averages over the last part of a test and what proves, or does not prove, that they are of a steady state.
+
+    `error` is the standard error of each mean from block averages.  `drift` is the fitted change over the part relative
+    to the mean, `drift_error` its standard error, `scatter` the standard deviation of rows about that line, relative to
+    the mean; each a dict by symbol.  `reason` says what speaks against a steady state, and is empty if nothing does.
+    """
+
+    eps_from: float
+    eps_to: float
+    blocks: int
+    mean: dict
+    error: dict
+    drift: dict
+    drift_error: dict
+    scatter: dict
+    steady: bool
+    reason: str
+
+
+def mean_stress(sigma: np.ndarray) -> np.ndarray:
+    """p' = (sigma_1 + 2 sigma_3) / 3 of stress tensors (..., 3, 3) Pa."""
+    return np.trace(sigma, axis1=-2, axis2=-1) / 3.0
+
+
+def deviator_stress(sigma: np.ndarray) -> np.ndarray:
+    """q = sigma_1 - sigma_3 of tensors (..., 3, 3) Pa; sigma_1 along z, sigma_3 the mean of the two across."""
+    return sigma[..., 2, 2] - 0.5 * (sigma[..., 0, 0] + sigma[..., 1, 1])
+
+
+def stress_ratio(sigma: np.ndarray) -> np.ndarray:
+    """eta = q / p' of stress tensors (..., 3, 3) Pa."""
+    return deviator_stress(sigma) / mean_stress(sigma)
+
+
+def cell_strains(cell: np.ndarray, start: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """q = sigma_1 - sigma_3 of tensors (..., 3, 3) Pa; sigma_1 along z, sigma_3 the mean of the two across."""
+    shortened = np.log((cell[0] if start is None else start) / cell)
+    return shortened[:, 2], shortened.sum(axis=1)
+
+
+def deformation_strain(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Logarithmic strain (3, 3), compression positive, that takes the cell matrix `start` (columns = vectors) to `end`.
+
+    Hencky's strain -ln V with F = V R: free of any rotation of the cell before or after, and exact at large strain.
+    """
+    F = end @ np.linalg.inv(start)
+    stretch, axes = np.linalg.eigh(F @ F.T)
+    return -0.5 * (axes * np.log(stretch)) @ axes.T
+
+
+def shear_strain(eps_a: np.ndarray, eps_v: np.ndarray) -> np.ndarray:
+    """eps_q = 2/3 (eps_a - eps_r) = eps_a - eps_v / 3 in triaxial compression."""
+    return eps_a - eps_v / 3.0
+
+
+def peak_state(
+    strain: np.ndarray, eta: np.ndarray, width: float = 0.02, others: Mapping[str, np.ndarray] | None = None
+) -> PeakState:
+    """Largest smoothed stress ratio: strain (T,) and eta (T,) of a record, `others` by symbol (T, ...) taken there too.
+
+    Smoothed by `smooth`; `eta_error` is the standard error of the smoothed value from the rows' scatter about it.
+    Raises TriaxialError for fewer than five rows, strains that do not increase, or values that are not finite.
+    """
+    strain, eta = _checked(strain, eta)
+    fits, half = _local_fits(strain, width)
+    smoothed = fits[:, 0] @ eta
+    k = int(np.argmax(smoothed))
+    weight, basis = fits[k, 0], np.vander((strain - strain[k]) / half[k], 3, increasing=True)
+    w = _tricube(basis[:, 1])
+    freedom = np.sum(w) - np.sum((w * fits[k]).T * basis)
+    scatter = np.sqrt(np.sum(w * (eta - basis @ (fits[k] @ eta)) ** 2) / freedom)
+    values = {name: np.tensordot(weight, np.asarray(y, float), axes=1) for name, y in (others or {}).items()}
+    return PeakState(k, float(strain[k]), float(smoothed[k]), float(scatter * np.linalg.norm(weight)), values)
+
+
+def critical_state(
+    strain: np.ndarray,
+    values: Mapping[str, np.ndarray],
+    start: float = 0.25,
+    block: float = CORRELATION_STRAIN,
+    tolerance: Mapping[str, float] | None = None,
+) -> CriticalState:
+    """Averages of each of `values` (T,) over strains beyond `start`, with the numbers that prove the state steady.
+
+    Steady means: the record goes past `start` by at least one block, and for every symbol in `tolerance` (relative;
+    eta 0.05 and e 0.01 if not given) the drift over the part is either below it or within two of its standard errors.
+    A record that ends earlier yields the averages over its last 40 %, marked as not steady.
+    Raises TriaxialError as `peak_state` does.
+    """
+    tolerance = {"eta": 0.05, "e": 0.01} if tolerance is None else tolerance
+    strain = _checked(strain, *values.values())[0]
+    reason = ""
+    if strain[-1] - start < block * (1.0 - 1e-9):
+        reason = f"the record ends at eps_a = {strain[-1]:.3g}, less than a block of {block:g} past {start:g}"
+        start = 0.6 * strain[-1]
+    part = strain > start * (1.0 + 1e-9)
+    blocks = max(3, int((strain[-1] - start) / block * (1.0 + 1e-9)))
+    label = np.minimum(((strain[part] - start) / (strain[-1] - start) * blocks * (1 - 1e-12)).astype(int), blocks - 1)
+    out = {name: _steadiness(strain[part], np.asarray(y, float)[part], label, blocks) for name, y in values.items()}
+    for name, limit in tolerance.items():
+        if not reason and name in out:
+            _, _, drift, drift_error, _ = out[name]
+            if abs(drift) > max(limit, 2.0 * drift_error):
+                reason = f"{name} drifts by {drift:+.2%} over {start:.3g}-{strain[-1]:.3g}, limit {limit:.1%}"
+    columns = [dict(zip(out, column, strict=True)) for column in zip(*out.values(), strict=True)]
+    return CriticalState(float(start), float(strain[-1]), blocks, *columns, steady=not reason, reason=reason)
+
+
+def dilatancy(
+    strain: np.ndarray,
+    eps_v: np.ndarray,
+    p: np.ndarray,
+    q: np.ndarray,
+    K: float = np.inf,
+    G: float = np.inf,
+    width: float = 0.02,
+) -> np.ndarray:
+    """D_p = -d eps_v^p / d eps_q^p (T,) along a test, the elastic parts dp'/K and dq/(3 G) taken off.
+
+    strain (axial), eps_v (T,); p, q (T,) Pa; K, G Pa, infinite if the elastic parts shall stay in.  Slopes by the same
+    local fits as `smooth`.  Early rows, where strain is mostly elastic, are as uncertain as the moduli.
+    """
+    strain, eps_v, p, q = _checked(strain, eps_v, p, q)
+    fits, half = _local_fits(strain, width)
+    slopes = fits[:, 1] / half[:, None]
+    d_volume = slopes @ eps_v
+    return -(d_volume - slopes @ p / K) / (1.0 - d_volume / 3.0 - slopes @ q / (3.0 * G))
+
+
+def smooth(strain: np.ndarray, values: np.ndarray, width: float = 0.02) -> np.ndarray:
+    """Local quadratic fit of values (T, ...) over strain (T,), tricube weights of half-width min(width, strain / 2).
+
+    The half-width shrinks towards the start, where the curve is steep, and never holds fewer than five rows.
+    """
+    return np.tensordot(_local_fits(strain, width)[0][:, 0], np.asarray(values, float), axes=1)
+
+
+def _local_fits(strain: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
+    """Matrices (T, 3, T) from values to the local parabola in (strain - strain_t) / half_t, and half_t (T,)."""
+    gap = strain[None, :] - strain[:, None]
+    fifth = np.sort(np.abs(gap), axis=1)[:, min(5, len(strain) - 1)]
+    half = np.maximum(np.minimum(width, 0.5 * strain), fifth * (1.0 + 1e-9))
+    x = gap / half[:, None]
+    w = _tricube(x)
+    basis = np.stack([np.ones_like(x), x, x**2], axis=-1)
+    normal = np.einsum("tk,tki,tkj->tij", w, basis, basis)
+    return np.linalg.solve(normal, np.swapaxes(w[..., None] * basis, 1, 2)), half
+
+
+def _tricube(x: np.ndarray) -> np.ndarray:
+    return np.clip(1.0 - np.abs(x) ** 3, 0.0, None) ** 3
+
+
+def _steadiness(strain: np.ndarray, y: np.ndarray, label: np.ndarray, blocks: int) -> tuple[float, ...]:
+    """Mean, its standard error, relative drift, its standard error, relative scatter, from block averages."""
+    count = np.bincount(label, minlength=blocks)
+    if np.any(count == 0):
+        raise TriaxialError(f"a block of the critical part holds no row: {blocks} blocks, {len(y)} rows")
+    mean = float(np.mean(y))
+    slope, offset = np.polyfit(strain, y, 1)
+    rest = y - (slope * strain + offset)
+    middle, level = (np.bincount(label, v, blocks) / count for v in (strain, rest))
+    spread = np.sqrt(np.sum(level**2) / max(blocks - 2, 1))
+    length = strain[-1] - strain[0]
+    slope_error = spread / np.sqrt(np.sum((middle - middle.mean()) ** 2))
+    # Student's factor for the few degrees of freedom a handful of blocks leaves, so that 2 x error covers 95 %.
+    factor = stdtrit(max(blocks - 2, 1), 0.975) / 1.96
+    scale = abs(mean) if mean else 1.0
+    error = factor * spread / np.sqrt(blocks)
+    return mean, float(error), slope * length / scale, factor * slope_error * length / scale, float(rest.std()) / scale
+
+
+def _checked(strain: np.ndarray, *values: np.ndarray) -> list[np.ndarray]:
+    arrays = [np.asarray(a, float) for a in (strain, *values)]
+    rows = len(arrays[0])
+    if rows < 5:
+        raise TriaxialError(f"{rows} rows of record are too few for a state, 5 are needed")
+    if np.any(np.diff(arrays[0]) <= 0.0):
+        k = int(np.argmax(np.diff(arrays[0]) <= 0.0))
+        raise TriaxialError(f"strain does not increase after row {k} (eps_a = {arrays[0][k]:.4g})")
+    for a in arrays:
+        if len(a) != rows or not np.isfinite(a).all():
+            raise TriaxialError(f"record of {len(a)} rows against {rows} strains, {np.sum(~np.isfinite(a))} not finite")
+    return arrays
