@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis import paper, report_text, tables, trust, weighted, webpage
+from analysis import paper, report_text, tables, trust, webpage
+from analysis.claims import HELD, NOT_HELD, OPEN
 from analysis.figures import FIGURES, write_figures
 from analysis.quantities import QUANTITIES
 from analysis.results import read_results
@@ -61,31 +62,47 @@ def _head(results, claims, name):
         (f"{done} of {len(results.runs)}", "runs with a product"),
         (size, "spheres a run"),
         (f"{hours:.2g} h", "processor time"),
-        (f"{counts.get('held', 0)} / {counts.get('not held', 0)} / {len(claims) - counts.get('held', 0) - counts.get('not held', 0)}",
-         "claims held / not held / open"),
-    ]  # fmt: skip
-    words = [f"How the scatter of two grain properties, interparticle friction and particle shear modulus, shows up in the "
-             f"behaviour of a granular soil: {len(results.points)} representative points of their joint distribution, "
-             f"each sheared by the discrete element method at {len(results.densities)} densities, and the probability "
-             f"densities that follow. Statements of {paper.REFERENCE} stand beside the numbers of this campaign."]  # fmt: skip
+        (
+            " / ".join(str(counts.get(outcome, 0)) for outcome in (HELD, NOT_HELD, OPEN)),
+            "claims held / not held / open",
+        ),
+    ]
+    words = [
+        f"How the scatter of two grain properties, interparticle friction and particle shear modulus, shows up in the "
+        f"behaviour of a granular soil: {len(results.points)} representative points of their joint distribution, "
+        f"each sheared by the discrete element method at {len(results.densities)} densities, and the probability "
+        f"densities that follow. Statements of {paper.REFERENCE} stand beside the numbers of this campaign."
+    ]
     words += report_text.size_warning(results)
-    return f"<h1>Campaign {webpage.escape(name)}</h1>" + "".join(map(webpage.paragraph, words)) + webpage.cards(items)
+    short = "".join(map(webpage.paragraph, report_text.in_short(results, claims)))
+    text = "".join(map(webpage.paragraph, words))
+    return f"<h1>Campaign {webpage.escape(name)}</h1>{text}{webpage.cards(items)}<h3>In short</h3>{short}"
 
 
 def _inputs(results, figures):
     parts = [webpage.paragraph(report_text.source(results))]
     parts.append(_pictures(figures, "fig02"))
     marginals = tables.marginals(results)
-    wanted = ["property", "family", "parameters (SI)", "aic", "ks", "ks_critical", "ks_critical_fitted"]
+    wanted = ["property", "family", "parameters", "aic", "ks", "ks_critical", "ks_critical_fitted"]
     if len(marginals):
-        parts.append(webpage.table(marginals[[c for c in wanted if c in marginals]], "Table 1. Marginal distributions, "
-                                   "smallest AIC first", stack=True))  # fmt: skip
+        parts.append(
+            webpage.table(
+                marginals[[c for c in wanted if c in marginals]],
+                "Table 1. Marginal distributions, smallest AIC first",
+                stack=True,
+            )
+        )
         parts.append(webpage.paragraph(report_text.marginals_against_paper(results)))
     copulas = tables.copulas(results)
     wanted = ["family", "parameters", "aic", "tau", "S", "p_paper", "p_bootstrap", "accepted"]
     if len(copulas):
-        parts.append(webpage.table(copulas[[c for c in wanted if c in copulas]], "Table 2. Copulas: pseudo-AIC on ranks, "
-                                   "Cramér–von Mises distance S and its p-values", stack=True))  # fmt: skip
+        parts.append(
+            webpage.table(
+                copulas[[c for c in wanted if c in copulas]],
+                "Table 2. Copulas: pseudo-AIC on ranks, Cramér–von Mises distance S and its p-values",
+                stack=True,
+            )
+        )
         parts.append(webpage.paragraph(report_text.copulas_against_paper(results)))
     return "".join(parts)
 
@@ -93,10 +110,14 @@ def _inputs(results, figures):
 def _points(results, figures):
     attrs = results.inputs["points"]
     facts = "; ".join(f"{k} = {_plain(v)}" for k, v in attrs.items() if k != "columns")
-    ranges = " and ".join(f"{_sign(s)} from {_shown(s, results.points[s].min())} to {_shown(s, results.points[s].max())}"
-                          for s in ("mu_s", "G_p"))  # fmt: skip
+    ranges = " and ".join(
+        f"{_sign(s)} from {_shown(s, results.points[s].min())} to {_shown(s, results.points[s].max())}"
+        for s in ("mu_s", "G_p")
+    )
     text = f"{len(results.points)} points with {ranges}" + (f" ({facts})." if facts else ".")
-    text += " The paper's 100 points span 0.15–0.65 and 16–61 GPa, which its own lognormals do not allow at the lower ends."
+    text += (
+        " The paper's 100 points span 0.15–0.65 and 16–61 GPa, which its own lognormals do not allow at the lower ends."
+    )
     return webpage.paragraph(text) + _pictures(figures, "fig03", "fig04")
 
 
@@ -111,29 +132,53 @@ def _initial(results):
     worst = frame.loc[frame["difference (%)"].abs().idxmax()] if frame["difference (%)"].notna().any() else None
     text = "The state before shear, as averages over the points." + (
         f" The largest difference to the paper's Table 3 is {worst['difference (%)']:+.1f} % "
-        f"({_sign(worst['quantity'])} at mu_iso = {worst['mu_iso']:g})." if worst is not None else ""
-    )  # fmt: skip
-    return webpage.paragraph(text) + webpage.table(frame.rename(columns={"paper mean": "paper", "difference (%)": "diff. (%)"}),
-                                                   "Table 3. Initial soil state beside the paper's")  # fmt: skip
+        f"({_sign(worst['quantity'])} at mu_iso = {worst['mu_iso']:g})."
+        if worst is not None
+        else ""
+    )
+    shown = frame[["quantity", "mu_iso"]].assign(
+        **{
+            "here (COV)": _with_cov(frame["mean"], frame["COV"]),
+            "paper (COV)": _with_cov(frame["paper mean"], frame["paper COV"]),
+            "difference (%)": frame["difference (%)"],
+        }
+    )
+    shown = shown.sort_values(["quantity", "mu_iso"])
+    return webpage.paragraph(text) + webpage.table(
+        shown, "Table 3. Initial soil state: means, COV in brackets", digits=2
+    )
 
 
 def _peak_critical(results):
     frame = tables.peak_critical(results)
     frame = frame[(frame["family"] == "coupled") & frame["quantity"].isin(["eta", "e", "Z"])]
     frame = frame[frame["state"].isin(["peak", "critical"])]
-    frame = frame.assign(paper=[f"{a:g}–{b:g}" if np.isfinite(a) else "–" for a, b in
-                                zip(frame["paper from"], frame["paper to"], strict=True)])  # fmt: skip
-    columns = ["quantity", "state", "mu_iso", "mean", "COV", "least", "largest", "paper"]
-    return webpage.table(frame.sort_values(["quantity", "state", "mu_iso"])[columns], "Peak and critical state: moments and "
-                         "range over the points, beside the range that the paper reads off its figures")  # fmt: skip
+    frame = frame.assign(
+        paper=[
+            f"{a:g}–{b:g}" if np.isfinite(a) else "–"
+            for a, b in zip(frame["paper from"], frame["paper to"], strict=True)
+        ]
+    )
+    frame = frame.assign(here=[f"{a:.2f}–{b:.2f}" for a, b in zip(frame["least"], frame["largest"], strict=True)])
+    columns = ["quantity", "state", "mu_iso", "mean", "COV", "here", "paper"]
+    return webpage.table(
+        frame.sort_values(["quantity", "state", "mu_iso"])[columns],
+        "Peak and critical state: moments and "
+        "range over the points, beside the range that the paper reads off its figures",
+    )
 
 
 def _claims(claims):
-    intro = ("Each claim became a number with a 95 % interval from resampling the points. It is held if the whole interval "
-             "meets the criterion, not held if none of it does, and open otherwise; the criteria are this project's reading "
-             "of the paper's words.")  # fmt: skip
-    frame = claims.assign(interval=[f"{webpage.number(a)} … {webpage.number(b)}" for a, b in
-                                    zip(claims["from"], claims["to"], strict=True)])  # fmt: skip
+    intro = (
+        "Each claim became a number with a 95 % interval from resampling the points. It is held if the whole interval "
+        "meets the criterion, not held if none of it does, and open otherwise; the criteria are this project's reading "
+        "of the paper's words."
+    )
+    frame = claims.assign(
+        interval=[
+            f"{webpage.number(a)} … {webpage.number(b)}" for a, b in zip(claims["from"], claims["to"], strict=True)
+        ]
+    )
     return webpage.paragraph(intro) + webpage.table(
         frame[["claim", "verdict", "number", "value", "interval", "criterion"]], stack=True
     )
@@ -141,25 +186,42 @@ def _claims(claims):
 
 def _design(results):
     frame = tables.design_table(results)
-    names = {"mean (deg)": "mean", "characteristic 5 % from the points (deg)": "5 % of points",
-             "characteristic 5 % from the density (deg)": "5 % of density"}  # fmt: skip
+    names = {
+        "mean (deg)": "mean",
+        "characteristic 5 % from the points (deg)": "5 % of points",
+        "characteristic 5 % from the density (deg)": "5 % of density",
+    }
     for long, short in names.items():
-        frame[short] = [f"{v:.1f} ({a:.1f}–{b:.1f})" for v, a, b in
-                        zip(frame[long], frame[f"{long}, from"], frame[f"{long}, to"], strict=True)]  # fmt: skip
-    text = ("Friction angles in degrees in triaxial compression, sin φ = 3η/(6+η), with 95 % bands from resampling the points. "
-            "Every run gives all its grains one pair of properties, so the spread is that of the population's mean properties, "
-            "not the scatter within one deposit.")  # fmt: skip
-    return webpage.paragraph(text) + webpage.table(frame[["mu_iso", "state", *names.values()]],
-                                                   "Mean and characteristic friction angles (degrees)")  # fmt: skip
+        frame[short] = [
+            f"{v:.1f} ({a:.1f}–{b:.1f})"
+            for v, a, b in zip(frame[long], frame[f"{long}, from"], frame[f"{long}, to"], strict=True)
+        ]
+    text = (
+        "Friction angles in degrees in triaxial compression, sin φ = 3η/(6+η), with 95 % bands from resampling the "
+        "points. Every run gives all its grains one pair of properties, so the spread is that of the population's "
+        "mean properties, not the scatter within one deposit."
+    )
+    return webpage.paragraph(text) + webpage.table(
+        frame[["mu_iso", "state", *names.values()]], "Mean and characteristic friction angles (degrees)"
+    )
 
 
 def _trust(results):
     parts = [webpage.table(trust.proofs(results), "What every run proves about itself, over all shear runs")]
     parts += map(webpage.paragraph, report_text.proof_notes(results))
-    parts.append(webpage.table(trust.noise(results), "How much of a spread is noise: standard deviation over the points, "
-                               "standard error of one run's critical average, scatter between packings"))  # fmt: skip
-    parts.append(webpage.table(trust.widths(results), "Width of the shown densities: kernel against the spread of the "
-                               "points, at the last strain"))  # fmt: skip
+    parts.append(
+        webpage.table(
+            trust.noise(results),
+            "How much of a spread is noise: standard deviation over the points, "
+            "standard error of one run's critical average, scatter between packings",
+        )
+    )
+    parts.append(
+        webpage.table(
+            trust.widths(results),
+            "Width of the shown densities: kernel against the spread of the points, at the last strain",
+        )
+    )
     parts.append(webpage.table(trust.losses(results), "Failed and continued shear runs, and the probability they held"))
     return "".join(parts)
 
@@ -176,8 +238,14 @@ def _provenance(results):
 def _pictures(figures, *starts):
     return "".join(
         webpage.figure(path, report_text.CAPTIONS[name[:5]])
-        for start in starts for name, path in figures.items() if name.startswith(start)
-    )  # fmt: skip
+        for start in starts
+        for name, path in figures.items()
+        if name.startswith(start)
+    )
+
+
+def _with_cov(mean, cov):
+    return [f"{webpage.number(m)} ({webpage.number(round(c, 4), 2)})" for m, c in zip(mean, cov, strict=True)]
 
 
 def _sign(symbol):

@@ -4,34 +4,36 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis import paper
+from analysis import paper, weighted
+from analysis.claims import HELD, NOT_HELD, OPEN
 
 SIGNS = {"mu_s": "μ_s", "G_p": "G_p", "e": "e", "e_m": "e_m", "Z": "Z", "Z_m": "Z_m", "eta": "η"}
 
 CAPTIONS = {
-    "fig02": "Figure 2. (a) The pairs of interparticle friction and particle shear modulus; (b, c) their histograms with "
-             "fitted marginal densities, smallest AIC first.",
-    "fig03": "Figure 3. (a, b) Joint density of the two properties, with the pairs; (c) the representative points, area by "
-             "probability; (d) distribution functions carried by the points against the exact ones.",
+    "fig02": "Figure 2. (a) The pairs of interparticle friction and particle shear modulus; (b, c) their histograms "
+    "with fitted marginal densities, smallest AIC first.",
+    "fig03": "Figure 3. (a, b) Joint density of the two properties, with the pairs; (c) the representative points, "
+    "area by probability; (d) twice as many points; (e) distribution functions "
+    "carried by the points against the exact ones.",
     "fig04": "Figure 4. Grading of the assembly that all runs share.",
-    "fig05": "Figure 5. Stress ratio: probability densities along axial strain; means with two standard deviations to either "
-             "side; densities at the peak and at the critical state. Ticks under an axis are the points. The paper's dense "
-             "peaks range from 0.6 to 1.2, its loose ones from 0.5 to 0.9, its critical states from 0.5 to 0.8.",
-    "fig06": "Figure 6. Probability density surfaces of the stress ratio, the densest also in plan. Surfaces start where "
-             "the densities of neighbouring strains overlap; what rises above the scale is cut off level.",
-    "fig07": "Figure 7. Peak (triangles) and critical state (circles, at the right) of every point, in stress ratio and void "
-             "ratio; marks grow with the point's probability.",
+    "fig05": "Figure 5. Stress ratio: probability densities along axial strain; means with two standard deviations "
+    "to either side; densities at the peak and at the critical state. Ticks under an axis are the points. The "
+    "paper's dense peaks range from 0.6 to 1.2, its loose ones from 0.5 to 0.9, its critical states from 0.5 to 0.8.",
+    "fig06": "Figure 6. Probability density surfaces of the stress ratio, the densest also in plan. Surfaces start "
+    "where the densities of neighbouring strains overlap; what rises above the scale is cut off level.",
+    "fig07": "Figure 7. Peak (triangles) and critical state (circles, at the right) of every point, in stress ratio "
+    "and void ratio; marks grow with the point's probability.",
     "fig08": "Figure 8. Void ratio. The paper: densities differ at the peak and converge at the critical state.",
     "fig09": "Figure 9. Mechanical void ratio, inactive grains counted as void.",
     "fig10": "Figure 10. Coordination number. The paper: between 3.3 and 5.5, the same for all densities.",
     "fig11": "Figure 11. Mechanical coordination number.",
     "fig12": "Figure 12. Fabric anisotropy, major minus minor principal value of the fabric tensor.",
-    "fig13": "Figure 13. (a, b) Small-strain stiffness and (c, d) dilatancy at the peak: densities, and every point against "
-             "the property that drives it.",
-    "fig14": "Figure 14. Joint densities of the critical stress ratio with void ratio and mechanical void ratio. Product "
-             "kernels widen what is shown; the correlation given is that of the points.",
+    "fig13": "Figure 13. (a, b) Small-strain stiffness and (c, d) dilatancy at the peak: densities, and every point "
+    "against the property that drives it.",
+    "fig14": "Figure 14. Joint densities of the critical stress ratio with void ratio and mechanical void ratio. "
+    "Product kernels widen what is shown; the correlation given is that of the points.",
     "fig15": "Figure 15. Joint densities of the critical stress ratio with the two coordination numbers.",
-}  # fmt: skip
+}
 
 
 def particles(results) -> str:
@@ -47,17 +49,42 @@ def size_warning(results) -> list[str]:
         return []
     smallest = int(sizes.min())
     scatter = 100 * 0.03 * np.sqrt(1000 / smallest)
-    return [f"These numbers are rough. The paper used {paper.PARTICLES:,} spheres and {paper.POINTS} points; here it is "
-            f"{particles(results)} spheres and {len(results.points)} points. In trials one run of 1,000 spheres scattered by "
-            f"about 3 % in the stress ratio, which at {smallest:,} makes some {scatter:.0f} %; the sections on claims and on "
-            "trust say what that leaves."]  # fmt: skip
+    return [
+        f"These numbers are rough. The paper used {paper.PARTICLES:,} spheres and {paper.POINTS} points; here it is "
+        f"{particles(results)} spheres and {len(results.points)} points. In trials one run of 1,000 spheres "
+        f"scattered by about 3 % in the stress ratio, which at {smallest:,} makes some {scatter:.0f} %; the "
+        "sections on claims and on trust say what that leaves."
+    ]
+
+
+def in_short(results, claims) -> list[str]:
+    """The main numbers and what the claims come to, in a few sentences."""
+    densities = results.family_densities()
+    parts = []
+    for state, stated in (("peak", "0.6–1.2 in dense and 0.5–0.9 in loose samples"), ("critical", "0.5–0.8 for all")):
+        numbers = []
+        for mu_iso in densities:
+            values, weight = results.state(state, "eta", mu_iso), results.weights(mu_iso)
+            numbers.append(f"{weighted.mean(values, weight):.2f} ± {weighted.std(values, weight):.2f}")
+        parts.append(
+            f"Stress ratio at the {state} state, mean ± standard deviation from the densest to the loosest: "
+            f"{', '.join(numbers)} (the paper: {stated})."
+        )
+    for outcome in (NOT_HELD, OPEN):
+        named = claims.loc[claims["verdict"] == outcome, "claim"]
+        if len(named):
+            parts.append(f"Claims {outcome if outcome == NOT_HELD else 'that ' + outcome}: {'; '.join(named)}.")
+    held = int((claims["verdict"] == HELD).sum())
+    return [*parts, f"{held} of {len(claims)} claims are held."]
 
 
 def source(results) -> str:
     """Where the pairs come from."""
     named = results.inputs.get("source") or "an unnamed source"
-    return (f"{len(results.pairs)} pairs from {named}. The paper's own 94 pairs are not public; a reconstructed set repeats "
-            "its tables, not its measurements.")  # fmt: skip
+    return (
+        f"{len(results.pairs)} pairs from {named}. The paper's own 94 pairs are not public; a reconstructed set "
+        "repeats its tables, not its measurements."
+    )
 
 
 def marginals_against_paper(results) -> str:
@@ -70,23 +97,34 @@ def marginals_against_paper(results) -> str:
         best = next(iter(fits))
         values = list(fits[family]["params"].values()) if family in fits else []
         ours = ", ".join(f"{k} = {v:.4g}" for k, v in fits[family]["params"].items()) if values else "not fitted"
-        parts.append(f"{SIGNS[symbol]}: smallest AIC for {best}; {family} here {ours}; the paper's median {median:.3g}, "
-                     f"sigma_ln {width:g}, D = {distance:g}")  # fmt: skip
-    return ". ".join(parts) + (". " if parts else "") + (
-        "The paper's critical distance 1.358/√n is for known parameters; the one for fitted parameters is smaller and given "
-        "beside it.")  # fmt: skip
+        parts.append(
+            f"{SIGNS[symbol]}: smallest AIC for {best}; {family} here {ours}; the paper's median {median:.3g}, "
+            f"sigma_ln {width:g}, D = {distance:g}"
+        )
+    return (
+        ". ".join(parts)
+        + (". " if parts else "")
+        + (
+            "The paper's critical distance 1.358/√n is for known parameters; the one for fitted parameters is "
+            "smaller and given beside it."
+        )
+    )
 
 
 def copulas_against_paper(results) -> str:
     """The chosen copula beside Table 2."""
     fits = results.inputs["copulas"]
-    theirs = "; ".join(f"{name} {', '.join(f'{p:g}' for p in parameters)} (AIC {aic:g})"
-                       for name, (parameters, aic) in paper.COPULAS.items())  # fmt: skip
+    theirs = "; ".join(
+        f"{name} {', '.join(f'{p:g}' for p in parameters)} (AIC {aic:g})"
+        for name, (parameters, aic) in paper.COPULAS.items()
+    )
     best = fits[0]
     ours = ", ".join(f"{p:.3f}" for p in best["parameters"])
-    return (f"Chosen here: {best['family']} ({ours}). The paper: {theirs}. The smallest AIC among the copulas that the "
-            "parametric bootstrap accepts is taken; the paper's own p-value compares with independent uniforms and hardly "
-            "ever rejects.")  # fmt: skip
+    return (
+        f"Chosen here: {best['family']} ({ours}). The paper: {theirs}. The smallest AIC among the copulas that the "
+        "parametric bootstrap accepts is taken; the paper's own p-value compares with independent uniforms and hardly "
+        "ever rejects."
+    )
 
 
 def run_notes(results) -> list[str]:
@@ -99,8 +137,10 @@ def run_notes(results) -> list[str]:
     if len(failed) > 10:
         notes.append(f"... and {len(failed) - 10} more, all in tables/runs.csv.")
     if early:
-        notes.append(f"{early} shear runs stopped early because their critical state was steady; beyond that strain their "
-                     "curves are continued by their critical averages, and counted as continued.")  # fmt: skip
+        notes.append(
+            f"{early} shear runs stopped early because their critical state was steady; beyond that strain their "
+            "curves are continued by their critical averages, and counted as continued."
+        )
     return notes
 
 
@@ -111,5 +151,7 @@ def proof_notes(results) -> list[str]:
     if not len(unsteady):
         return [f"All {len(shear)} shear runs prove their critical state steady."]
     first = unsteady.iloc[0]
-    return [f"{len(unsteady)} of {len(shear)} shear runs do not prove their critical state steady; their averages are used "
-            f"nevertheless, over what the record holds. The first of them, {first['run_id']}: {first['unsteady']}."]  # fmt: skip
+    return [
+        f"{len(unsteady)} of {len(shear)} shear runs do not prove their critical state steady; their averages are used "
+        f"nevertheless, over what the record holds. The first of them, {first['run_id']}: {first['unsteady']}."
+    ]

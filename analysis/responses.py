@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 import scipy
 
-from analysis import pdem, weighted
+from analysis import pdem
 from analysis.collect import FamilyDensity, ResponsesError, collect
 from analysis.quantities import QUANTITIES
 from analysis.results import FORMAT, FORMAT_VERSION
@@ -31,8 +31,8 @@ def build_results(folder, plan, points, settings=None) -> Path:
     points: frame id, mu_s, G_p (Pa), probability (sum 1); optionally family, where a family has points of its own.
     settings: dict, all optional: campaign (name), config (TOML text), pairs (n, 2), source (where the pairs come from),
     marginals (dicts with a "variable", best first, or two lists in the order mu_s, G_p), copulas (best first), joint,
-    all as objects or as their dicts, point_attrs (dict of method, seed, discrepancy ...), versions (dict), max_lost_probability (0.05),
-    density_method ("exact" or "tvd"), bandwidth (None: chosen from the data), cells (400).
+    all as objects or as their dicts, point_attrs (dict of method, seed, discrepancy ...), versions (dict),
+    max_lost_probability (0.05), density_method ("exact" or "tvd"), bandwidth (None: chosen from the data), cells (400).
 
     Raises ResponsesError or runfile.RunFileError, and writes nothing, if a product is missing, truncated or was run
     with other parameters than the plan's, or if failed runs take more than max_lost_probability from a density.
@@ -66,7 +66,7 @@ def _write_head(file, points, settings, strain, groups, grains):
     file.attrs.update(
         format=FORMAT, format_version=FORMAT_VERSION, campaign=settings.get("campaign", ""),
         config=settings.get("config", ""), versions=json.dumps(versions | settings.get("versions", {})),
-        created=datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"),
+        created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         max_lost_probability=settings["max_lost_probability"],
     )  # fmt: skip
     inputs = file.create_group("inputs")

@@ -45,7 +45,7 @@ def run_states(run: Run) -> RunStates:
     strain, sigma = record["eps_a"], record["sigma"]
     principal = np.linalg.eigvalsh(record["Phi"])
     derived = {"eta": triaxial.stress_ratio(sigma), "Phi_dev": principal[:, -1] - principal[:, 0]}
-    responses = {symbol: derived.get(symbol, record[symbol] if symbol in record else None) for symbol in RESPONSES}
+    responses = {symbol: derived[symbol] if symbol in derived else record[symbol] for symbol in RESPONSES}
     p, q = triaxial.mean_stress(sigma), triaxial.deviator_stress(sigma)
     others = {**{k: v for k, v in responses.items() if k != "eta"}, "p": p, "q": q}
     try:

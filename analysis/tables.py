@@ -36,9 +36,10 @@ def marginals(results) -> pd.DataFrame:
     rows = []
     for symbol, fits in results.inputs["marginals"].items():
         for rank, fit in enumerate(fits, start=1):
-            params = "; ".join(f"{k} = {v:.5g} +- {fit.get('se', {}).get(k, np.nan):.2g}" for k, v in fit["params"].items())
+            errors = fit.get("se") or {}
+            params = "; ".join(_parameter(symbol, k, v, errors.get(k, np.nan)) for k, v in fit["params"].items())
             rest = {k: v for k, v in fit.items() if k not in ("family", "params", "se")}
-            rows.append({"property": symbol, "rank": rank, "family": fit["family"], "parameters (SI)": params} | rest)
+            rows.append({"property": symbol, "rank": rank, "family": fit["family"], "parameters": params} | rest)
     return pd.DataFrame(rows)
 
 
@@ -48,7 +49,7 @@ def copulas(results) -> pd.DataFrame:
     for rank, fit in enumerate(results.inputs["copulas"], start=1):
         errors = fit.get("se") or [np.nan] * len(fit["parameters"])
         names = fit.get("names") or [f"parameter {k + 1}" for k in range(len(fit["parameters"]))]
-        params = "; ".join(f"{n} = {v:.5g} +- {e:.2g}" for n, v, e in zip(names, fit["parameters"], errors, strict=True))
+        params = "; ".join(f"{n} = {v:.5g} ± {e:.2g}" for n, v, e in zip(names, fit["parameters"], errors, strict=True))
         rest = {k: v for k, v in fit.items() if k not in ("family", "parameters", "names", "se", "interval")}
         rows.append({"rank": rank, "family": fit["family"], "parameters": params} | rest)
     return pd.DataFrame(rows)
@@ -108,17 +109,27 @@ def points(results) -> pd.DataFrame:
     return frame.assign(G_p=frame["G_p"] * QUANTITIES["G_p"].shown_factor).rename(columns={"G_p": "G_p (GPa)"})
 
 
+def _parameter(symbol, name, value, error):
+    """A parameter with its standard error, in the shown unit if it is large enough to carry the property's unit."""
+    quantity = QUANTITIES[symbol]
+    carries = abs(value) * quantity.shown_factor > 1e-3 and quantity.shown_factor != 1.0
+    factor, unit = (quantity.shown_factor, f" {quantity.shown_unit}") if carries else (1.0, "")
+    return f"{name} = {value * factor:.5g} ± {error * factor:.2g}{unit}"
+
+
 def _state_row(results, family, mu_iso, state, symbol, weight):
     values = results.state(state, symbol, mu_iso, family) * QUANTITIES[symbol].shown_factor
     error = results.state_error(state, symbol, mu_iso, family)
     scatter = np.nan if error is None else weighted.mean(error**2, weight) ** 0.5 * QUANTITIES[symbol].shown_factor
     known = np.isfinite(values)
     low, high = (values[known].min(), values[known].max()) if known.any() else (np.nan, np.nan)
-    row = {"family": family, "mu_iso": mu_iso, "state": state, "quantity": _shown_name(symbol), "points": int(known.sum()),
-           "mean": float(weighted.mean(values, weight)), "standard deviation": float(weighted.std(values, weight)),
+    row = {"family": family, "mu_iso": mu_iso, "state": state, "quantity": _shown_name(symbol),
+           "points": int(known.sum()), "mean": float(weighted.mean(values, weight)), "standard deviation": float(weighted.std(values, weight)),
            "COV": float(weighted.cov(values, weight)), "least": low, "largest": high}  # fmt: skip
     row |= {f"{q:.0%} quantile": float(weighted.quantile(values, weight, q)) for q in LEVELS}
-    stated = paper.STATE_RANGE.get((state, symbol, mu_iso), (np.nan, np.nan)) if family == "coupled" else (np.nan, np.nan)
+    stated = (
+        paper.STATE_RANGE.get((state, symbol, mu_iso), (np.nan, np.nan)) if family == "coupled" else (np.nan, np.nan)
+    )
     return row | {"standard error of one run": float(scatter), "paper from": stated[0], "paper to": stated[1]}
 
 

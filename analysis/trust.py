@@ -23,11 +23,18 @@ def run_counts(results) -> pd.DataFrame:
     runs = read_results(results).runs
     rows = []
     for (family, stage), part in runs.groupby(["family", "stage"], sort=False):
-        rows.append({
-            "family": family, "stage": stage, "planned": len(part), "done": int((part["status"] == "done").sum()),
-            "failed": int((part["status"] == "failed").sum()), "steady early": int((part["reason"] == "steady").sum()),
-            "hours": part["cpu_seconds"].sum() / 3600, "steps, mean": part["steps"].mean(),
-        })  # fmt: skip
+        rows.append(
+            {
+                "family": family,
+                "stage": stage,
+                "planned": len(part),
+                "done": int((part["status"] == "done").sum()),
+                "failed": int((part["status"] == "failed").sum()),
+                "steady early": int((part["reason"] == "steady").sum()),
+                "hours": part["cpu_seconds"].sum() / 3600,
+                "steps, mean": part["steps"].mean(),
+            }
+        )
     return pd.DataFrame(rows)
 
 
@@ -39,8 +46,14 @@ def proofs(results) -> pd.DataFrame:
     for name, words in PROOFS.items():
         values = shear[name].abs().dropna()
         if len(values):
-            rows.append({"proof": words, "median": values.median(), "largest": values.max(),
-                         "run of the largest": shear.loc[values.idxmax(), "run_id"]})  # fmt: skip
+            rows.append(
+                {
+                    "proof": words,
+                    "median": values.median(),
+                    "largest": values.max(),
+                    "run of the largest": shear.loc[values.idxmax(), "run_id"],
+                }
+            )
     return pd.DataFrame(rows, columns=["proof", "median", "largest", "run of the largest"])
 
 
@@ -59,9 +72,16 @@ def noise(results, symbols=("eta", "e", "Z", "Phi_dev")) -> pd.DataFrame:
             spread = float(weighted.std(results.state("critical", symbol, mu_iso), weight))
             error = results.state_error("critical", symbol, mu_iso)
             own = np.nan if error is None else float(weighted.mean(error**2, weight)) ** 0.5
-            rows.append({"mu_iso": mu_iso, "quantity": symbol, "spread of points": factor * spread,
-                         "error of one run": factor * own, "share of variance": (own / spread) ** 2 if spread else np.nan,
-                         "between packings": factor * packing_scatter(results, "critical", symbol, mu_iso)})  # fmt: skip
+            rows.append(
+                {
+                    "mu_iso": mu_iso,
+                    "quantity": symbol,
+                    "spread of points": factor * spread,
+                    "error of one run": factor * own,
+                    "share of variance": (own / spread) ** 2 if spread else np.nan,
+                    "between packings": factor * packing_scatter(results, "critical", symbol, mu_iso),
+                }
+            )
     return pd.DataFrame(rows)
 
 
@@ -84,9 +104,16 @@ def widths(results, symbols=("eta", "e", "Z", "Phi_dev")) -> pd.DataFrame:
         for symbol in symbols:
             response = results.response(symbol, mu_iso)
             density, factor = response.density, QUANTITIES[symbol].shown_factor
-            rows.append({"mu_iso": mu_iso, "quantity": symbol, "spread of points": factor * float(response.std[-1]),
-                         "width shown": factor * float(density.shown_width[-1]),
-                         "spacing of points": factor * float(density.spacing[-1]), "method": density.method})  # fmt: skip
+            rows.append(
+                {
+                    "mu_iso": mu_iso,
+                    "quantity": symbol,
+                    "spread of points": factor * float(response.std[-1]),
+                    "width shown": factor * float(density.shown_width[-1]),
+                    "spacing of points": factor * float(density.spacing[-1]),
+                    "method": density.method,
+                }
+            )
     return pd.DataFrame(rows)
 
 

@@ -9,6 +9,8 @@ from string import Template
 
 import numpy as np
 
+#: Columns whose values were set, not measured, and are shown as set.
+AS_GIVEN = ("mu_iso",)
 TEMPLATE = Path(__file__).with_name("report_template.html")
 
 
@@ -61,7 +63,7 @@ def number(value, digits=3) -> str:
     value = float(value)
     if not np.isfinite(value):
         return "–"
-    if value == 0:
+    if abs(value) < 1e-12:
         return "0"
     size = np.floor(np.log10(abs(value)))
     if -4 <= size < 6:
@@ -83,6 +85,8 @@ def _cell(name, value, is_text, first, digits):
     kinds += ["first"] * first + ["verdict"] * (name == "verdict")
     if isinstance(value, (bool, np.bool_)):
         shown = "yes" if value else "no"
+    elif name in AS_GIVEN:
+        shown = f"{value:g}"
     elif isinstance(value, (int, np.integer)) or is_text:
         shown = "–" if value is None else str(value)
     else:

@@ -9,7 +9,7 @@ from analysis.figures import panels, style
 
 @style.styled
 def behaviour(results, symbol):
-    """PDF contours along strain per density, PDFs at the peak and at the critical state, surfaces densest and loosest."""
+    """PDF contours along strain per density, PDFs at the peak and at the critical state, two surfaces."""
     densities = results.family_densities()
     figure = style.new_figure(7.6, 8.4)
     rows = figure.subfigures(3, 1, height_ratios=[1.0, 1.0, 1.15])

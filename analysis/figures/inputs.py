@@ -31,8 +31,8 @@ def data_marginals(results):
         x = np.linspace(edges[0], edges[-1] * 1.1, 300)[1:]
         fits = [Marginal.from_dict(record) for record in results.inputs["marginals"].get(symbol, [])]
         for k, fit in enumerate(fits[:4]):
-            look = dict(color=panels.CONTOUR_MAP(1.0 - 0.25 * k), linestyle=style.LINES[k], lw=2 - 0.3 * k)
-            text = fit.family + (f", AIC {fit.aic:.1f}" if fit.aic is not None else "")
+            look = {"color": panels.CONTOUR_MAP(1.0 - 0.25 * k), "linestyle": style.LINES[k], "lw": 2 - 0.3 * k}
+            text = fit.family + (f", AIC + {fit.aic - fits[0].aic:.1f}" if k and fit.aic is not None else "")
             axis.plot(x * factor, fit.pdf(x) / factor, label=text, **look)
         axis.set(xlabel=style.label(symbol), ylabel=style.pdf_label(symbol), xlim=(0, x[-1] * factor))
         if fits:
@@ -67,8 +67,8 @@ def joint_points(results):
             (twice, "d", doubled.x, doubled.probability))  # fmt: skip
     for axis, letter, place, probability in sets:
         axis.contour(x, y * factor, height, levels=levels[::3], colors="0.7", linewidths=0.7)
-        axis.scatter(place[:, 0], factor * place[:, 1], s=500 * probability + 3, color=panels.CONTOUR_MAP(0.85), alpha=0.8,
-                     edgecolor="white", linewidth=0.4)  # fmt: skip
+        axis.scatter(place[:, 0], factor * place[:, 1], s=500 * probability + 3,
+                     color=panels.CONTOUR_MAP(0.85), alpha=0.8, edgecolor="white", linewidth=0.4)  # fmt: skip
         panels.panel_title(axis, letter, f"{len(place)} points" + (", area: probability" if letter == "c" else ""))
     for axis in (flat, dots, twice):
         axis.set(xlabel=style.label("mu_s"), ylabel=style.label("G_p"), xlim=reach[0], ylim=np.array(reach[1]) * factor)
@@ -105,11 +105,15 @@ def grading_curve(results):
     d50 = style.shown("d50", grading.size_at(results.diameters, 0.5))
     axis.axvline(d50, color="0.5", lw=0.8, linestyle="--")
     axis.axhline(50, color="0.5", lw=0.8, linestyle="--")
-    text = f"{len(diameter)} spheres\n$d_{{50}}$ = {d50:.3f} mm\n$I_G$ = {grading.grading_index(results.diameters):.3f}\n"
+    text = (
+        f"{len(diameter)} spheres\n$d_{{50}}$ = {d50:.3f} mm\n$I_G$ = {grading.grading_index(results.diameters):.3f}\n"
+    )
     text += f"$C_u$ = {grading.uniformity(results.diameters):.2f}"
     axis.text(0.04, 0.96, text, transform=axis.transAxes, va="top")
     axis.set(xlabel="Diameter (mm)", ylabel="Finer by mass (%)", ylim=(0, 102), xscale="log")
-    ticks = [t for t in (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 1.0) if 0.7 * diameter[0] < t / 1e3 < 1.4 * diameter[-1]]
+    ticks = [
+        t for t in (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 1.0) if 0.7 * diameter[0] < t / 1e3 < 1.4 * diameter[-1]
+    ]
     axis.set_xticks(ticks, [f"{t:g}" for t in ticks])
     axis.minorticks_off()
     return figure

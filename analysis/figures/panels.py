@@ -109,7 +109,7 @@ def state_pdfs(axis, results, state, symbol, family="coupled", legend=False):
         axis.plot(values, np.zeros(len(values)), "|", transform=axis.get_xaxis_transform() + below,
                   color=look["color"], ms=4, mew=0.7, clip_on=False)  # fmt: skip
     axis.set_ylim(bottom=0)
-    axis.tick_params(axis="x", pad=4 * len(densities) + 1, length=0)
+    axis.tick_params(axis="x", pad=4 * len(densities) + 4, length=0)
     axis.set_xlabel(style.label(symbol))
     axis.set_ylabel(style.pdf_label(symbol))
     if legend:

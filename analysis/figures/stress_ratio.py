@@ -9,7 +9,7 @@ from analysis.figures import panels, style
 
 @style.styled
 def stress_ratio(results):
-    """Figure 5: PDF contours of eta (with G_p alone below, if that family was run), means, PDFs at peak and critical."""
+    """Figure 5: PDF contours of eta (below with G_p alone, if it was run), means, PDFs at peak and critical."""
     alone = "G_p" in results.families
     figure = style.new_figure(7.6, 8.6 if alone else 6.4)
     rows = figure.subfigures(3 if alone else 2, 1, height_ratios=[1.0] * alone + [1.0, 1.15])

@@ -57,7 +57,11 @@ def density_style(densities) -> dict:
     shades = colormaps[COLOURS](np.linspace(0.0, 0.82, max(len(densities), 2)))
     names = _names(len(densities))
     return {
-        mu_iso: dict(color=shades[k], linestyle=LINES[k % len(LINES)], label=rf"{names[k]}, $\mu_{{iso}}$ = {mu_iso:g}")
+        mu_iso: {
+            "color": shades[k],
+            "linestyle": LINES[k % len(LINES)],
+            "label": rf"{names[k]}, $\mu_{{iso}}$ = {mu_iso:g}",
+        }
         for k, mu_iso in enumerate(densities)
     }
 
