@@ -1,7 +1,7 @@
 """Checkpoints of a long run: the scene and the record so far in one file, replaced atomically, taken up after a kill.
 
-A resumed run continues gaplessly in strain and record.  It is not bit-identical to an uninterrupted one: YADE reloads its scene
-self-consistently, but the collider's order of contacts is new.  `resumed` in the product counts how often.
+A resumed run continues gaplessly in strain and record.  It is not bit-identical to an uninterrupted one: YADE reloads
+its scene self-consistently, but the collider's order of contacts is new.  `resumed` in the product counts how often.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Checkpoint:
         self.saved_at = time.monotonic()
 
     def resume(self) -> Windows | None:
-        """The record to go on with, the scene loaded; None when there is nothing of this very run and code to resume."""
+        """The record to go on with, the scene loaded; None when there is nothing of this very run and code."""
         try:
             data = pickle.loads(self.path.read_bytes())
         except (OSError, pickle.UnpicklingError, EOFError, AttributeError):

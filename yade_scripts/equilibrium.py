@@ -20,8 +20,8 @@ STRESS_LIMIT, FORCE_LIMIT, Z_LIMIT = 0.005, 1e-3, 1e-3  # spec section 2
 def reach(p, window: int, max_steps: int, damping: float, quiet: float = FORCE_LIMIT) -> dict[str, float]:
     """Hold sigma_3 on all axes until a whole window proves equilibrium; return the figures of the proof.
 
-    Within `window` steps every axis stays within 0.5 % of sigma_3, the unbalanced force ends below `quiet`, and the mean Z of the
-    two halves differs by less than 0.001 (or by one contact, where N is so small that one contact is more).
+    Within `window` steps every axis stays within 0.5 % of sigma_3, the unbalanced force ends below `quiet`, the mean
+    Z of the two halves differs by less than 0.001 (or by one contact, where N is so small that one contact is more).
     Raises ProofError with the figure that is off when `max_steps` do not suffice.
     """
     watch = _Watch(p, window, quiet)

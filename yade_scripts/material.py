@@ -15,7 +15,7 @@ O = Omega()  # noqa: E741  YADE's own name for its scene
 
 
 def target(p, mu: float) -> tuple:
-    """Friction and shear modulus (Pa, scaled for the run) asked for: two numbers, or two arrays (N,) for per-grain values.
+    """Friction and shear modulus (Pa, scaled for the run) asked for: numbers, or arrays (N,) of per-grain values.
 
     `heterogeneity="grain"` reads the datasets mu_s and G_p of the HDF5 file `grains`; its friction applies when `mu` is
     the specimen's mu_s, so that consolidation keeps its own.

@@ -1,4 +1,4 @@
-"""Stage 2, small-strain probe: the packing with its own mu_s and G_p at rest, then tiny strain increments from that state.
+"""Stage 2, small-strain probe: the packing at rest with its own mu_s and G_p, then tiny strain increments from there.
 
     YADE_BATCH=runs.table:2 yade -n -x -j1 yade_scripts/probe.py        one row
     yade-batch runs.table yade_scripts/probe.py                         all rows

@@ -72,7 +72,7 @@ def strain_rate(p) -> float:
 
 
 def set_engines(p, calc_energy: bool = False) -> None:
-    """The whole loop: no gravity, no clumps, no viscous contact damping, no torque law, nothing a sphere scene can skip.
+    """The whole loop: no gravity, no clumps, no viscous contact damping, no torques, nothing a sphere scene can skip.
 
     The time step is a third of the Rayleigh step until `use_contact_time_step` is called: with few contacts the
     stiffness-based step is meaningless.
