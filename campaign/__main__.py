@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shutil
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -112,7 +113,10 @@ def run(config: Config, folder: Path, options) -> int:
 
 
 def _why(folder: Path, rows) -> str:
-    """The last line of the first missing run's log."""
+    """Why runs are missing: the disk, or the last line of the first missing run's log."""
+    free = shutil.disk_usage(folder).free
+    if free < 16 << 20:
+        return f"no space left on the disk ({free >> 20} MiB free)"
     for row in rows:
         log = folder / "logs" / f"{row.run_id}.log"
         if not (folder / row.product).exists() and log.exists():

@@ -27,7 +27,7 @@ def key(default, kind, low=None, high=None, *, choices=None, doc=""):
 
 @dataclass(frozen=True)
 class Inputs:
-    pairs: str = key("data/pairs.csv", str, doc="CSV with the measured pairs (mu_s, G_p_GPa or E_p_GPa)")
+    pairs: str = key("data/pairs_reconstructed.csv", str, doc="CSV with the measured pairs (mu_s, G_p_GPa or E_p_GPa)")
     marginals: tuple = key((), [str], doc="families to choose from by AIC; empty: all")
     copulas: tuple = key(("gaussian", "student", "frank", "plackett"), [str], doc="copulas to choose from; empty: all")
     seed: int = key(1, int, 0, 2**31 - 1)

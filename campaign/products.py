@@ -53,7 +53,7 @@ def look(folder: Path, rows: list[Row], *, rehash: bool = False) -> dict[str, St
             states[row.run_id] = _failed(products, row, states)
         elif f".{row.run_id}.lock" in names and is_locked(products / f".{row.run_id}.lock"):
             states[row.run_id] = State(row.run_id, "running")
-        elif row.start and (first := states.get(Path(row.start).stem)) and first.state == "failed":
+        elif row.start and (first := states.get(row.start)) and first.state == "failed":
             states[row.run_id] = State(row.run_id, "failed", _blocked(first), {"blocked": first.run_id})
         else:
             states[row.run_id] = State(row.run_id, "missing")
@@ -150,7 +150,7 @@ def _failed(products: Path, row: Row, states: dict[str, State]) -> State:
     told = read_json(products / f"{row.run_id}.failed.json")
     if not isinstance(told, dict):
         return State(row.run_id, "failed", "its failure file is damaged", {})
-    start = states.get(Path(row.start).stem) if row.start else None
+    start = states.get(row.start)
     if told.get("blocked") and not (start and start.state == "failed"):
         return State(row.run_id, "missing")
     facts = {k: v for k, v in told.items() if k not in ("run_id", "reason")}

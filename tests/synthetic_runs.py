@@ -10,7 +10,7 @@ import h5py
 
 from campaign.files import write_json, write_text
 from campaign.plan import Row, make_rows
-from campaign.prepare import inputs_digest, points_note, points_text
+from campaign.prepare import points_note, points_text
 
 PAIRS = "mu_s,G_p_GPa\n" + "".join(f"{0.1 + 0.02 * k:.3f},{60 - 2.1 * k:.2f}\n" for k in range(20))
 TOML = """
@@ -25,7 +25,8 @@ N = 64
 [consolidation]
 mu_iso = [0.001, 0.04]
 [shear]
-strain_end = 0.2
+strain_end = 0.1
+inertial_number = 2.5e-3
 """
 
 

@@ -50,11 +50,12 @@ def test_name_comes_from_the_file_where_none_is_given(tmp_path):
 
 
 def test_pairs_beside_the_campaign_file_come_first(tmp_path):
-    (tmp_path / "data").mkdir()
-    (tmp_path / "data" / "pairs.csv").write_text("mu_s,G_p_GPa\n")
     path = tmp_path / "mine.toml"
     path.write_text("")
-    assert read_config(path).pairs_path == tmp_path / "data" / "pairs.csv"
+    assert read_config(path).pairs_path == ROOT / "data" / "pairs_reconstructed.csv"
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data" / "pairs_reconstructed.csv").write_text("mu_s,G_p_GPa\n")
+    assert read_config(path).pairs_path == tmp_path / "data" / "pairs_reconstructed.csv"
 
 
 def test_missing_pairs_name_the_key(tmp_path):

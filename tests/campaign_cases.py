@@ -1,0 +1,84 @@
+"""What the campaign's tests share: a finished small campaign to copy, and commands run as a user runs them."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+import synthetic_runs
+
+from campaign.config import Config, read_config
+from campaign.plan import Row, write_plan
+
+ROOT = Path(__file__).parents[1]
+FAKE = str(ROOT / "tests" / "fake_yade.py")
+needs_batch = pytest.mark.skipif(shutil.which("yade-batch") is None, reason="yade-batch is not installed")
+
+
+@dataclass
+class Small:
+    """A campaign of n points x 2 densities in its own folder, run by the stand-in for YADE."""
+
+    toml: Path
+    folder: Path
+    rows: list[Row]
+    config: Config
+    fake: dict = field(default_factory=dict)
+
+    def command(self, *words: str, **env: str) -> subprocess.CompletedProcess:
+        """python3 -m campaign WORDS, as from a shell."""
+        return subprocess.run(self.line(*words), env=self.env(**env), cwd=ROOT, capture_output=True, text=True)
+
+    def line(self, *words: str) -> list[str]:
+        return [sys.executable, "-m", "campaign", words[0], str(self.toml), "--folder", str(self.folder), *words[1:]]
+
+    def env(self, **env: str) -> dict[str, str]:
+        return os.environ | {"CAMPAIGN_YADE": FAKE, "FAKE_YADE": json.dumps(self.fake)} | env
+
+    def status(self) -> dict:
+        return json.loads(self.command("status", "--json").stdout)
+
+    def total(self, word: str) -> int:
+        return self.status()["counts"]["total"][word]
+
+    def product(self, k: int = -1) -> Path:
+        return self.folder / self.rows[k].product
+
+    def sums(self) -> dict[str, str]:
+        """Run id -> digest of the product's bytes."""
+        found = sorted((self.folder / "products").glob("*.h5"))
+        return {path.stem: hashlib.sha256(path.read_bytes()).hexdigest() for path in found}
+
+    def started(self) -> list[str]:
+        """Run ids in the order in which the stand-in was started for them."""
+        path = self.folder / "started.txt"
+        return path.read_text().split() if path.exists() else []
+
+
+def make_small(place: Path, n: int = 2, more: str = "", **fake) -> Small:
+    """A planned campaign without products; the stand-in copies ready products, so that a run costs little."""
+    toml = synthetic_runs.write_config(place, n, more)
+    config, folder = read_config(toml), place / "run"
+    rows = synthetic_runs.planned(config, folder, n)
+    write_plan(rows, folder)
+    ready = place / "ready"
+    for stage in ("consolidate", "probe", "shear"):
+        row = next(row for row in rows if row.stage == stage)
+        ready.mkdir(exist_ok=True)
+        synthetic_runs.write_product(place, row).rename(ready / f"{stage}.h5")
+    return Small(toml, folder, rows, config, {"products": str(ready), **fake})
+
+
+def finish(small: Small, *but: Row) -> Small:
+    """Write the products of all rows, except some."""
+    for row in small.rows:
+        if row not in but:
+            synthetic_runs.write_product(small.folder, row, Path(small.fake["products"], f"{row.stage}.h5"))
+    return small

@@ -1,0 +1,175 @@
+"""Rows, their ids, what a changed setting does to them, the tables that YADE reads, and the predicted cost."""
+
+import math
+import subprocess
+from dataclasses import replace
+
+import pytest
+import synthetic_runs
+
+from campaign.config import parse_config, read_config
+from campaign.plan import make_rows, predicted_cost, predicted_steps, table_line, write_plan, yade_table
+from campaign.prepare import PlanError, prepare, read_planned_points
+from campaign.row import read_task
+
+POINTS = [{"id": k, "mu_s": 0.1 + 0.05 * k, "G_p": (50 - 5 * k) * 1e9} for k in range(6)]
+
+
+def rows_of(text=""):
+    return make_rows(parse_config(text), POINTS)
+
+
+def ids(text=""):
+    return {row.run_id for row in rows_of(text)}
+
+
+def test_one_consolidation_a_density_and_a_probe_and_a_shear_run_a_point():
+    rows = rows_of()
+    count = {stage: sum(r.stage == stage for r in rows) for stage in ("consolidate", "probe", "shear")}
+    assert count == {"consolidate": 3, "probe": 18, "shear": 18}
+    assert sum(r.stage == "consolidate" for r in rows_of("[consolidation]\nper_point = true")) == 18
+
+
+def test_chain_leads_from_shear_over_probe_to_consolidation():
+    rows = {r.run_id: r for r in rows_of()}
+    for row in rows.values():
+        if row.stage == "shear":
+            probe = rows[row.start]
+            first = rows[probe.start]
+            assert (probe.stage, first.stage, first.start) == ("probe", "consolidate", "")
+            assert (probe.mu_s, probe.G_p, first.mu_iso) == (row.mu_s, row.G_p, row.mu_iso)
+            assert row.values["start"] == probe.product
+
+
+def test_second_family_shares_the_consolidations_and_fixes_mu_s():
+    rows = rows_of("[families]\nG_p_only = true\nmu_s_fixed = 0.3")
+    own = [r for r in rows if r.family == "G_p"]
+    assert len(own) == 36 and {r.mu_s for r in own} == {0.3}
+    assert sum(r.stage == "consolidate" for r in rows) == 3
+
+
+def test_replicates_serve_some_points_spread_over_mu_s():
+    rows = rows_of("[assembly]\npackings = [7, 8]\nreplicate_points = 2")
+    assert {r.point for r in rows if r.packing == 8 and r.stage == "shear"} == {1, 4}
+    assert len({r.point for r in rows if r.packing == 7 and r.stage == "shear"}) == 6
+
+
+def test_ids_say_what_the_run_is_and_are_stable():
+    row = next(r for r in rows_of() if r.stage == "shear" and r.point == 0 and r.mu_iso == 0.04)
+    assert row.run_id.startswith("shear_mu0.100_G50.0_iso0.040_s1_") and len(row.run_id.split("_")[-1]) == 8
+    assert ids() == ids() and len(ids()) == 39
+
+
+@pytest.mark.parametrize(
+    ("text", "kept"),
+    [
+        ("[shear]\nstrain_end = 0.3", 21),
+        ("[shear]\nsnapshots = [0.1]", 21),
+        ("[probe]\nstrain = 1e-6", 3),
+        ("[dem]\ndamping = 0.2", 3),
+        ("[assembly]\nN = 2000", 0),
+        ("[consolidation]\nsigma_3_kPa = 200", 0),
+        ("[material]\nheterogeneity = 'grain'", 0),
+        ("[pdem]\ncells = 200", 39),
+        ("[run]\njobs = 7", 39),
+        ("[failures]\nretry = false", 39),
+    ],
+)
+def test_changed_setting_makes_new_ids_only_where_it_is_used(text, kept):
+    assert len(ids() & ids(text)) == kept
+
+
+def test_costliest_rows_come_first_in_each_stage():
+    rows = [r for r in rows_of() if r.stage == "shear"]
+    assert [r.particle_steps for r in rows] == sorted((r.particle_steps for r in rows), reverse=True)
+    assert rows[0].G_p == max(p["G_p"] for p in POINTS)
+
+
+def test_predicted_steps_follow_the_cost_law():
+    values = {"G_p": 25.7e9, "sigma_3": 1e5, "stiffness_scale": 1.0, "timestep_factor": 0.8, "strain_end": 0.4,
+              "inertial_number": 1e-4}  # fmt: skip
+    assert predicted_steps("shear", values) == pytest.approx(2.03e6, rel=0.01)
+    assert predicted_steps("shear", values | {"inertial_number": 1e-3}) == pytest.approx(2.03e5, rel=0.01)
+    assert predicted_steps("shear", values | {"G_p": 8 * 25.7e9}) == pytest.approx(4.07e6, rel=0.01)
+    assert predicted_steps("shear", values | {"timestep_factor": 1.6}) == pytest.approx(1.02e6, rel=0.01)
+
+
+def test_cost_adds_up():
+    rows = rows_of()
+    cost = predicted_cost(rows)
+    for what in ("runs", "particle_steps", "core_hours"):
+        assert cost["total"][what] == pytest.approx(sum(cost[s][what] for s in ("consolidate", "probe", "shear")))
+    assert cost["total"]["runs"] == len(rows)
+
+
+def test_table_gives_every_value_back_in_full(tmp_path):
+    rows = [r for r in rows_of("[shear]\nsnapshots = [0.1, 0.2]") if r.stage == "shear"]
+    path = tmp_path / "shear.table"
+    path.write_text(yade_table(rows, "a note"))
+    assert path.read_text().endswith("\n")
+    for k, row in enumerate(rows):
+        task = read_task(path, table_line(k))
+        assert (task.text("description"), task.text("product")) == (row.run_id, row.product)
+        assert {name: eval(task.cells[name]) for name in row.values} == row.values
+        assert task.predicted == pytest.approx(row.cpu_seconds, abs=0.51)
+
+
+@pytest.mark.yade
+def test_yade_reads_the_table_as_written(tmp_path):
+    rows = [r for r in rows_of("[shear]\nsnapshots = [0.1, 0.2]") if r.stage == "shear"][:3]
+    (tmp_path / "shear.table").write_text(yade_table(rows, "a note"))
+    (tmp_path / "read.py").write_text(
+        "from yade import utils\n"
+        f"utils.readParamsFromTable({str(tmp_path / 'shear.table')!r} + ':4', unknownOk=True)\n"
+        "from yade.params import table\n"
+        "print('READ', repr((O.tags['description'], table.mu_s, table.start, table.snapshots, table.windows)))\n"
+    )
+    done = subprocess.run(["yade", "-n", "-x", "-j1", str(tmp_path / "read.py")], capture_output=True, text=True)
+    row = rows[1]
+    wanted = (row.run_id, row.mu_s, row.values["start"], "0.1,0.2", "default")
+    assert f"READ {wanted!r}" in done.stdout, done.stdout + done.stderr
+
+
+def test_a_line_without_a_run_is_refused(tmp_path):
+    path = tmp_path / "t.table"
+    path.write_text("# note\na b\n1 2\n3\n")
+    assert read_task(path, 3).cells == {"a": "1", "b": "2"}
+    for line, told in ((1, "holds no run"), (2, "holds no run"), (9, "holds no run"), (4, "1 values, the heading 2")):
+        with pytest.raises(ValueError, match=told):
+            read_task(path, line)
+
+
+def test_points_are_chosen_once_and_kept(tmp_path):
+    path = synthetic_runs.write_config(tmp_path, n=8)
+    config, folder = read_config(path), tmp_path / "run"
+    points, word = prepare(config, folder)
+    assert word == "chosen" and len(points) == 8
+    assert math.fsum(p["probability"] for p in points) == pytest.approx(1.0, abs=1e-12)
+    assert all(p["probability"] > 0 for p in points)
+    stamp = (folder / "points.csv").stat().st_mtime_ns
+    assert prepare(config, folder) == (points, "kept")
+    assert (folder / "points.csv").stat().st_mtime_ns == stamp
+    assert (folder / "config.toml").read_text() == path.read_text()
+    assert read_planned_points(config, folder) == points
+
+
+def test_changed_inputs_are_told_and_never_used_by_accident(tmp_path):
+    path = synthetic_runs.write_config(tmp_path, n=8)
+    config, folder = read_config(path), tmp_path / "run"
+    synthetic_runs.planned(config, folder, 8)
+    more = replace(config, points=replace(config.points, n=9))
+    with pytest.raises(PlanError, match="changed since the points were chosen"):
+        read_planned_points(more, folder)
+    points, word = prepare(more, folder)
+    assert (len(points), word) == (9, "chosen anew")
+
+
+def test_plan_csv_has_a_line_a_run(tmp_path):
+    pandas = pytest.importorskip("pandas")
+    rows = rows_of()
+    assert write_plan(rows, tmp_path) == []
+    frame = pandas.read_csv(tmp_path / "tables" / "plan.csv")
+    assert list(frame.run_id) == [r.run_id for r in rows]
+    assert frame.particle_steps.sum() == pytest.approx(sum(r.particle_steps for r in rows), rel=1e-5)
+    assert frame.G_p.dropna().tolist() == [r.G_p for r in rows]
+    assert write_plan(rows, tmp_path) == []
