@@ -124,7 +124,8 @@ def _state_row(results, family, mu_iso, state, symbol, weight):
     known = np.isfinite(values)
     low, high = (values[known].min(), values[known].max()) if known.any() else (np.nan, np.nan)
     row = {"family": family, "mu_iso": mu_iso, "state": state, "quantity": _shown_name(symbol),
-           "points": int(known.sum()), "mean": float(weighted.mean(values, weight)), "standard deviation": float(weighted.std(values, weight)),
+           "points": int(known.sum()), "mean": float(weighted.mean(values, weight)),
+           "standard deviation": float(weighted.std(values, weight)),
            "COV": float(weighted.cov(values, weight)), "least": low, "largest": high}  # fmt: skip
     row |= {f"{q:.0%} quantile": float(weighted.quantile(values, weight, q)) for q in LEVELS}
     stated = (

@@ -75,19 +75,23 @@ def representative_points(n=8, seed=1):
     return pd.DataFrame(frame | {"probability": weight / weight.sum()})
 
 
-def plan_rows(folder, points, densities=DENSITIES, families=("coupled",), packings=(1,), stages=None):
-    """The table of runs of the campaign, columns as campaign.plan writes them."""
+def plan_rows(folder, points, densities=DENSITIES, families=("coupled",), packings=(1,)):
+    """The table of runs as the campaign writes it: one consolidation per density and packing for all points."""
     rows = []
-    for family in families:
-        for point in points.itertuples():
-            mu_s = point.mu_s if family == "coupled" else 0.25
-            for mu_iso in densities:
-                for packing in packings:
-                    for stage in stages or ("consolidate", "shear", "probe"):
-                        run_id = f"{stage}-{family}-{point.id:03d}-{mu_iso}-{packing}"
-                        start = "" if stage == "consolidate" else run_id.replace(stage, "consolidate")
-                        rows.append((run_id, stage, family, point.id, packing, mu_iso, mu_s, point.G_p,
-                                     str(Path(folder) / "products" / f"{run_id}.h5"), start))  # fmt: skip
+
+    def add(stage, family, point, packing, mu_iso, mu_s, G_p, start=""):
+        run_id = f"{stage}_{family}_{point}_iso{mu_iso:g}_s{packing}"
+        product = str(Path(folder) / "products" / f"{run_id}.h5")
+        rows.append((run_id, stage, family, point, packing, mu_iso, mu_s, G_p, product, start))
+        return run_id
+
+    for mu_iso in densities:
+        for packing in packings:
+            first = add("consolidate", "shared", -1, packing, mu_iso, np.nan, 25.7e9)
+            for family in families:
+                for point in points.itertuples():
+                    given = (family, point.id, packing, mu_iso, 0.25 if family == "G_p" else point.mu_s, point.G_p)
+                    add("shear", *given, start=add("probe", *given, start=first))
     names = ["run_id", "stage", "family", "point", "packing", "mu_iso", "mu_s", "G_p", "product", "start"]
     return pd.DataFrame(rows, columns=names)
 
@@ -171,7 +175,7 @@ def _record(row, strain, noise, rng):
 
 def write_run(row, noise=0.0, end=0.4, windows=80, exit_reason="strain_end"):
     """Write the product of one row of the plan, with noise (relative, repeatable) on what scatters."""
-    rng = np.random.default_rng([int(row.point), int(row.packing), int(1000 * row.mu_iso), len(row.stage)])
+    rng = np.random.default_rng([int(row.point) + 1, int(row.packing), int(1000 * row.mu_iso), len(row.family)])
     path = Path(row.product)
     if row.stage == "probe":
         g_0 = stiffness(row.G_p, row.mu_iso)
@@ -179,7 +183,7 @@ def write_run(row, noise=0.0, end=0.4, windows=80, exit_reason="strain_end"):
         probe = {"G_0": g_0, "G_0_minus": g_0, "K_0": 1.03 * g_0, "d_sigma": 2 * g_0 * d_eps, "d_eps": d_eps}
         _write_product(path, row, {}, [(0.0, "start", snapshot(SIGMA_3))], probe)
     elif row.stage == "consolidate":
-        record = _record(row, np.zeros(5), noise, rng) | {"steps": np.arange(5) * 100.0}
+        record = {"steps": np.arange(5) * 100.0, "e": np.full(5, E_0[row.mu_iso]), "Z": np.full(5, Z_0[row.mu_iso])}
         _write_product(path, row, record, [(0.0, "end", snapshot(SIGMA_3))], exit_reason="equilibrium")
     else:
         record = _record(row, np.linspace(0, end, windows + 1), noise, rng)

@@ -1,0 +1,98 @@
+"""The reader of results.h5 and the weighted statistics behind its numbers."""
+
+from __future__ import annotations
+
+import h5py
+import numpy as np
+import pytest
+import synthetic_results as synthetic
+
+from analysis import weighted
+from analysis.responses import build_results
+from analysis.results import ResultsError, read_results
+
+
+@pytest.fixture(scope="module")
+def campaign(tmp_path_factory):
+    """Five noise-free points, families coupled and G_p: (points, settings, results)."""
+    folder = tmp_path_factory.mktemp("results")
+    plan, points, settings = synthetic.make_campaign(folder, n=5, families=("coupled", "G_p"))
+    return points, settings, read_results(build_results(folder, plan, points, settings))
+
+
+def test_reader_gives_back_what_was_written(campaign):
+    points, settings, results = campaign
+    assert results.points["mu_s"].to_numpy() == pytest.approx(points["mu_s"].to_numpy())
+    assert results.points["probability"].sum() == pytest.approx(1)
+    assert results.pairs == pytest.approx(settings["pairs"])
+    assert results.densities == (0.001, 0.04, 0.1) == results.family_densities("G_p")
+    assert results.attrs["campaign"] == "synthetic" and "numpy" in results.attrs["versions"]
+    assert results.inputs["copulas"][0]["family"] == "gaussian"
+    assert [fit["family"] for fit in results.inputs["marginals"]["G_p"]] == ["lognormal", "gamma"]
+    assert set(results.runs["stage"]) == {"consolidate", "shear", "probe"} and len(results.runs) == 63
+    assert results.runs["cpu_seconds"].sum() == pytest.approx(2.0 * 63)
+
+
+def test_moments_are_sums_over_the_points(campaign):
+    points, _, results = campaign
+    eta, weight = results.response("eta", 0.001), points["probability"].to_numpy()
+    exact = np.array([synthetic.eta(results.strain, mu_s, 0.001) for mu_s in points["mu_s"]]).T
+    assert eta.mean == pytest.approx(exact @ weight, abs=1e-12)
+    assert eta.std == pytest.approx(np.sqrt(exact**2 @ weight - (exact @ weight) ** 2), abs=1e-7)
+    assert eta.quantile(0.5)[-1] == pytest.approx(weighted.quantile(exact[-1], weight, 0.5))
+
+
+def test_the_family_with_fixed_friction_has_its_own_points(campaign):
+    points, _, results = campaign
+    own = results.family_points("G_p")
+    assert set(own["mu_s"]) == {0.25}
+    assert own["G_p"].to_numpy() == pytest.approx(points["G_p"].to_numpy())
+    assert results.response("eta", 0.04, "G_p").std.max() < 1e-12
+    assert results.response("eta", 0.04).std[-1] > 0.05
+
+
+@pytest.mark.parametrize("ask", [("nothing", 0.04, "coupled"), ("eta", 0.5, "coupled"), ("eta", 0.04, "none")])
+def test_a_name_that_is_not_there_is_one_clear_line(campaign, ask):
+    with pytest.raises(ResultsError, match=r"there is no \S+$"):
+        campaign[-1].response(*ask)
+
+
+def test_files_that_are_no_results_are_refused(tmp_path):
+    for content, words in ((b"text", "not a readable results file"), (None, "not a readable results file")):
+        path = tmp_path / "results.h5"
+        if content:
+            path.write_bytes(content)
+        with pytest.raises(ResultsError, match=words):
+            read_results(path if content else tmp_path / "none.h5")
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file.attrs.update(format="campaign-results", format_version=99)
+    with pytest.raises(ResultsError, match="version 99"):
+        read_results(tmp_path / "other.h5")
+
+
+def test_weighted_statistics_against_plain_ones_of_repeated_values():
+    values, count = np.array([3.0, 1.0, 2.0, 5.0]), np.array([2, 1, 4, 3])
+    plain, weight = np.repeat(values, count), count / count.sum()
+    assert weighted.mean(values, weight) == pytest.approx(plain.mean())
+    assert weighted.std(values, weight) == pytest.approx(plain.std())
+    assert weighted.cov(values, weight) == pytest.approx(plain.std() / plain.mean())
+    other = np.array([1.0, 4.0, 2.0, 2.5])
+    assert weighted.correlation(values, other, weight) == pytest.approx(
+        np.corrcoef(plain, np.repeat(other, count))[0, 1]
+    )
+    with_gap = np.append(values, np.nan)
+    assert weighted.mean(with_gap, np.append(weight, 0.7)) == pytest.approx(plain.mean())
+
+
+def test_wasserstein_of_a_shift_is_the_shift_and_agrees_with_scipy():
+    from scipy.stats import wasserstein_distance
+
+    rng = np.random.default_rng(3)
+    a, p, b, q = rng.normal(size=20), rng.random(20), rng.normal(1, 2, size=15), rng.random(15)
+    assert weighted.wasserstein(a, a + 0.3, p, p) == pytest.approx(0.3)
+    assert weighted.wasserstein(a, b, p, q) == pytest.approx(wasserstein_distance(a, b, p, q))
+
+
+def test_quantiles_of_points_are_exact_for_a_uniform_grid():
+    values = (np.arange(200) + 0.5) / 200
+    assert weighted.quantile(values, np.full(200, 1 / 200), [0.05, 0.5, 0.95]) == pytest.approx([0.05, 0.5, 0.95])

@@ -1,0 +1,87 @@
+"""Tables as CSV: weighted by the points, in shown units, beside the paper's numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+import synthetic_results as synthetic
+
+from analysis import paper, tables, weighted
+from analysis.responses import build_results
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """Tables of a campaign of five points with noise, two packings at one density: (points, dict of frames)."""
+    folder = tmp_path_factory.mktemp("tables")
+    plan, points, settings = synthetic.make_campaign(folder, n=5, noise=0.02)
+    paths = tables.write_tables(build_results(folder, plan, points, settings), folder)
+    assert all(path.parent == folder / "tables" for path in paths) and not list(folder.glob("tables/*.part"))
+    return points, {path.stem: pd.read_csv(path) for path in paths}
+
+
+def test_every_promised_table_is_there_with_rows(written):
+    promised = {
+        "marginals",
+        "copulas",
+        "initial_state",
+        "responses_moments",
+        "peak_critical",
+        "claims",
+        "runs",
+        "design",
+    }
+    assert promised <= set(written[1])
+    assert all(len(frame) for frame in written[1].values())
+
+
+def test_initial_state_stands_beside_table_3(written):
+    frame = written[1]["initial_state"].set_index(["quantity", "mu_iso"])
+    assert len(frame) == 12
+    for (symbol, mu_iso), (mean, cov) in paper.INITIAL_STATE.items():
+        row = frame.loc[(symbol, mu_iso)]
+        assert (row["paper mean"], row["paper COV"]) == (mean, cov)
+        assert row["difference (%)"] == pytest.approx(100 * (row["mean"] / mean - 1), abs=0.01)
+    assert frame.loc[("e", 0.04), "mean"] == pytest.approx(synthetic.E_0[0.04])
+
+
+def test_moments_along_strain_are_weighted_and_in_percent(written):
+    points, frames = written
+    frame = frames["responses_moments"]
+    part = frame[(frame["quantity"] == "e") & (frame["mu_iso"] == 0.04)]
+    strain = part["eps_a (%)"].to_numpy() / 100
+    assert strain[-1] == pytest.approx(0.4)
+    exact = np.array([synthetic.void_ratio(strain, mu_s, 0.04) for mu_s in points["mu_s"]]).T
+    weight = points["probability"].to_numpy()
+    assert part["mean"].to_numpy() == pytest.approx(exact @ weight, rel=1e-5)
+    assert part["standard deviation"].to_numpy() == pytest.approx(weighted.std(exact, weight), rel=1e-3, abs=1e-6)
+    assert "eps_v (%)" in set(frame["quantity"])
+
+
+def test_states_are_in_shown_units_with_the_papers_ranges(written):
+    points, frames = written
+    frame = frames["peak_critical"].set_index(["state", "quantity", "mu_iso"])
+    stiffness = synthetic.stiffness(points["G_p"].to_numpy(), 0.04) * 1e-6
+    row = frame.loc[("probe", "G_0 (MPa)", 0.04)]
+    assert row["mean"] == pytest.approx(stiffness @ points["probability"], rel=1e-5)
+    assert (row["least"], row["largest"]) == pytest.approx((stiffness.min(), stiffness.max()), rel=1e-5)
+    row = frame.loc[("critical", "eta", 0.1)]
+    assert (row["paper from"], row["paper to"]) == (0.5, 0.8)
+    assert row["mean"] == pytest.approx(synthetic.critical_eta(points["mu_s"]) @ points["probability"], rel=0.02)
+    assert 0 < row["standard error of one run"] < 0.02
+    assert frame.loc[("peak", "eta", 0.001), "COV"] == pytest.approx(
+        frame.loc[("peak", "eta", 0.001), "standard deviation"] / frame.loc[("peak", "eta", 0.001), "mean"], rel=1e-4
+    )
+
+
+def test_marginal_parameters_are_shown_with_their_errors_in_gigapascal(written):
+    frame = written[1]["marginals"].set_index(["property", "family"])
+    assert frame.loc[("mu_s", "lognormal"), "parameters"].startswith("median = 0.2")
+    text = frame.loc[("G_p", "lognormal"), "parameters"]
+    assert text.startswith("median = 2") and text.split(";")[0].endswith("GPa") and "±" in text
+
+
+def test_points_are_in_gigapascal(written):
+    points, frames = written
+    assert frames["points"]["G_p (GPa)"].to_numpy() == pytest.approx(points["G_p"].to_numpy() * 1e-9, rel=1e-5)
