@@ -23,7 +23,7 @@ from yade_scripts.rve import O
 from yade_scripts.stage import main
 
 TOUCH = 0.1  # share of sigma_3 at which the rate-driven compression hands over to the servo
-COMPRESSION_I, RAMP_TIMES = 2e-3, 25.0  # inertial number of the compression; length of the ramp in inertial times
+COMPRESSION_I, RAMP_TIMES = 2e-3, 50.0  # inertial number of the compression; length of the ramp in inertial times
 DAMPING, MAX_STEPS = 0.1, 1_500_000  # local damping while consolidating: it only removes vibration
 
 
@@ -46,7 +46,7 @@ def protocol(p, product) -> None:
 
 def compress(p, history) -> None:
     """Shrink the cell at a constant rate until the grains carry a tenth of sigma_3."""
-    rate = COMPRESSION_I / (p.d50 * math.sqrt(p.rho / p.sigma_3))
+    rate = COMPRESSION_I / equilibrium.inertial_time(p)
     O.cell.velGrad = Matrix3(-rate, 0, 0, 0, -rate, 0, 0, 0, -rate)
     O.dt = 0.5 * rve.rayleigh_step(p)
 
@@ -63,8 +63,8 @@ def ramp(p, history) -> None:
     """Hand over to the servo and raise its target to sigma_3, slowly enough not to overshoot."""
     rve.use_contact_time_step(p)
     start, begin = rve.stress().trace() / 3.0, O.time
-    length = RAMP_TIMES * p.d50 * math.sqrt(p.rho / p.sigma_3)
-    rve.servo_isotropic(p, start, 20.0 * rve.strain_rate(p))
+    length = RAMP_TIMES * equilibrium.inertial_time(p)
+    rve.servo_isotropic(p, start, equilibrium.MAX_RATE_I / equilibrium.inertial_time(p))
 
     def raise_goal():
         history()

@@ -18,6 +18,7 @@ import numpy as np
 from minieigenHP import Matrix3
 
 from yade_scripts import rve
+from yade_scripts.equilibrium import inertial_time
 from yade_scripts.product import load_scene, saved_scene
 from yade_scripts.record import snapshot
 from yade_scripts.rve import O
@@ -53,7 +54,7 @@ def increment(p, scene: bytes, strain: np.ndarray) -> np.ndarray:
     load_scene(scene)
     rve.release_servo()
     rve.engine("newton").damping = DAMPING
-    time = p.d50 * math.sqrt(p.rho / p.sigma_3)
+    time = inertial_time(p)
     before = at_rest(time)
     rate = -strain / (RAMP_TIMES * time)
     steps = math.ceil(RAMP_TIMES * time / O.dt)
