@@ -194,8 +194,11 @@ class _Record(Mapping):
         if symbol not in self._read:
             if symbol not in self._shapes:
                 raise RunFileError(f"{self._path}: /record has no {symbol}")
-            with _open(self._path) as file:
-                values = file["record"][symbol][()]
+            try:
+                with _open(self._path) as file:
+                    values = file["record"][symbol][()]
+            except OSError as error:
+                raise RunFileError(f"{self._path}: /record/{symbol} cannot be read ({error})") from error
             if values.dtype.kind == "f" and not np.isfinite(values).all():
                 row = int(np.flatnonzero(~np.isfinite(values.reshape(len(values), -1)).all(axis=1))[0])
                 raise RunFileError(f"{self._path}: /record/{symbol}[{row}] is not finite")

@@ -79,7 +79,7 @@ def predicted_stress(A_c: np.ndarray, A_n: np.ndarray, A_t: np.ndarray, A_b: np.
 
 
 def directions(order: int = 8) -> tuple[np.ndarray, np.ndarray]:
-    """Unit vectors (K, 3) and weights (K,) that average polynomials up to degree 2 order - 1 exactly over the sphere."""
+    """Unit vectors (K, 3) and weights (K,) that average polynomials of degree below 2 order exactly over the sphere."""
     height, weight = np.polynomial.legendre.leggauss(order)
     angle = np.arange(2 * order) * np.pi / order
     h, a = (x.ravel() for x in np.meshgrid(height, angle, indexing="ij"))

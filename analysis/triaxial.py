@@ -176,10 +176,9 @@ def _local_fits(strain: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarra
     fifth = np.sort(np.abs(gap), axis=1)[:, min(5, len(strain) - 1)]
     half = np.maximum(np.minimum(width, 0.5 * strain), fifth * (1.0 + 1e-9))
     x = gap / half[:, None]
-    w = _tricube(x)
-    basis = np.stack([np.ones_like(x), x, x**2], axis=-1)
-    normal = np.einsum("tk,tki,tkj->tij", w, basis, basis)
-    return np.linalg.solve(normal, np.swapaxes(w[..., None] * basis, 1, 2)), half
+    basis = np.stack([np.ones_like(x), x, x**2], axis=1)
+    weighted = _tricube(x)[:, None, :] * basis
+    return np.linalg.solve(weighted @ np.swapaxes(basis, 1, 2), weighted), half
 
 
 def _tricube(x: np.ndarray) -> np.ndarray:

@@ -8,9 +8,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import h5py
 import numpy as np
 
+from analysis.quantities import RECORD
 from analysis.runfile import Snapshot
+
+SNAPSHOT_ARRAYS = ("position", "radius", "cell", "contact_ids", "normal", "branch", "overlap", "f_n", "f_t")
+SNAPSHOT_ARRAYS += ("k_n", "k_t")
 
 LATTICE_BASES = {
     "sc": [[0.0, 0.0, 0.0]],
@@ -87,7 +92,7 @@ def contacts(position: np.ndarray, radius: np.ndarray, cell: np.ndarray) -> tupl
 
 
 def hertzian(position, radius, cell, ids, branch, G_p=25.7e9, nu=0.2, f_t=None) -> Snapshot:
-    """Snapshot whose contacts bear Hertz's normal force and Mindlin's no-slip stiffness; f_t (C, 3) N is zero if None."""
+    """Snapshot whose contacts bear Hertz's normal force and Mindlin's no-slip stiffness; f_t (C, 3) N, or zero."""
     distance = np.linalg.norm(branch, axis=1)
     a, b = radius[ids[:, 0]], radius[ids[:, 1]]
     overlap = np.maximum(a + b - distance, 0.0)
@@ -110,6 +115,12 @@ def random_network(N: int = 120, seed: int = 0, sigma_ln: float = 0.3) -> Snapsh
     edge = (np.sum(4.0 / 3.0 * np.pi * radius**3) / 0.55) ** (1.0 / 3.0)
     cell = edge * np.array([[1.0, 0.1, 0.0], [0.0, 1.0, -0.2], [0.05, 0.0, 1.0]])
     position = rng.uniform(0.0, 1.0, (N, 3)) @ cell.T
+    for _ in range(12):
+        ids, branch = contacts(position, radius, cell)
+        s = hertzian(position, radius, cell, ids, branch)
+        push = 0.25 * s.overlap[:, None] * s.normal
+        np.add.at(position, ids[:, 1], push)
+        np.add.at(position, ids[:, 0], -push)
     ids, branch = contacts(position, radius, cell)
     s = hertzian(position, radius, cell, ids, branch)
     t = np.cross(s.normal, rng.normal(size=s.normal.shape))
@@ -158,3 +169,41 @@ def _key(i: int, j: int, branch: np.ndarray) -> tuple:
     """A contact's name whichever particle comes first; the branch tells apart contacts through different images."""
     b = branch if i < j else -branch
     return (min(i, j), max(i, j), *np.round(b * 1e9).astype(int))
+
+
+def directed_contacts(C: int, a_c: float) -> np.ndarray:
+    """Normals (C, 3), evenly spread, whose density over directions is (1 + a_c (3 n_z^2 - 1) / 2) / 4 pi."""
+    z = np.linspace(-1.0, 1.0, 20001)
+    share = 0.5 * (1.0 + z + 0.5 * a_c * (z**3 - z))
+    height = np.interp((np.arange(C) + 0.5) / C, share, z)
+    angle = np.pi * (1.0 + np.sqrt(5.0)) * np.arange(C)
+    ring = np.sqrt(1.0 - height**2)
+    return np.column_stack([ring * np.cos(angle), ring * np.sin(angle), height])
+
+
+def write_product(path, stage: str = "shear", snapshots=(), record=None, **attrs):
+    """A run product as the scenes write it, with the given snapshots and record; attributes can be replaced."""
+    with h5py.File(path, "w") as file:
+        file.attrs.update({"format": "dem-run", "format_version": 1, "stage": stage, "run_id": path.stem})
+        file.attrs.update({"complete": True, "exit_reason": "strain_end", "failure": "", **attrs})
+        file.create_group("parameters").attrs.update({"mu_s": 0.25, "G_p": 25.7e9, "N": 8})
+        file.create_group("timing").attrs.update({"steps": 10, "cpu_seconds": 1.0})
+        file.create_group("proofs").attrs["max_inertial_number"] = 1e-3
+        for symbol, values in (record or {}).items():
+            file.require_group("record")[symbol] = values
+        for k, s in enumerate(snapshots):
+            group = file.create_group(f"snapshots/{k:02d}")
+            group.attrs.update({"eps_a": s.eps_a, "label": s.label})
+            for name in SNAPSHOT_ARRAYS:
+                group[name] = getattr(s, name)
+        if stage == "probe":
+            file.create_group("probe").attrs.update({"G_0": 170e6, "K_0": 180e6, "strain": 1e-5})
+            file["probe"]["d_sigma"] = np.zeros((3, 3, 3))
+    return path
+
+
+def shear_record(rows: int = 12) -> dict[str, np.ndarray]:
+    """A record (T, ...) of every recorded quantity with the registry's shapes; values rise with the row number."""
+    shapes = {symbol: tuple(int(k) for k in quantity.shape.split(",") if k) for symbol, quantity in RECORD.items()}
+    ramp = np.arange(rows, dtype=float)
+    return {symbol: ramp.reshape(-1, *[1] * len(shape)) * np.ones((rows, *shape)) for symbol, shape in shapes.items()}
