@@ -120,9 +120,11 @@ def _run_stage(config: Config, folder: Path, stage: str, rows: list[Row], wanted
         "--lines", lines, "--log", "logs/@.log", "--plot-update", "0", "--disable-pynotify", "--executable",
         f"{sys.executable} -m campaign.row", str(table_path(Path(), stage)), script(folder, stage),
     ]  # fmt: skip
-    with open(folder / "logs" / f"batch_{stage}.log", "w") as log:
+    alive, mine = os.pipe()  # its other end closes when this process ends, however it ends; every run watches it
+    env["CAMPAIGN_FRONT"] = str(alive)
+    with open(folder / "logs" / f"batch_{stage}.log", "w") as log, os.fdopen(alive), os.fdopen(mine, "w"):
         child = subprocess.Popen(command, cwd=folder, env=env, stdin=subprocess.DEVNULL, stdout=log, stderr=log,
-                                 preexec_fn=_quiet_child)  # fmt: skip
+                                 preexec_fn=_quiet_child, pass_fds=[alive])  # fmt: skip
         try:
             while child.poll() is None:
                 watch.look(folder)

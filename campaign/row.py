@@ -13,6 +13,7 @@ import ctypes
 import fcntl
 import os
 import re
+import select
 import shutil
 import signal
 import subprocess
@@ -172,12 +173,18 @@ def _watch(child: subprocess.Popen, predicted: float) -> str:
     most = float(os.environ.get("CAMPAIGN_CPU_LIMIT", "20")) * predicted
     patience = 60.0 * float(os.environ.get("CAMPAIGN_HANG_MINUTES", "10"))
     used, since = 0.0, time.monotonic()
+    front = [int(fd) for fd in [os.environ.get("CAMPAIGN_FRONT")] if fd]
+    ended = os.pidfd_open(child.pid)
     while True:
-        try:
-            child.wait(timeout=min(1.0, patience / 4))
+        ready, _, _ = select.select([ended, *front], [], [], min(1.0, patience / 4))
+        if ended in ready:
+            os.close(ended)
+            child.wait()
             return ""
-        except subprocess.TimeoutExpired:
-            now = _cpu_seconds(child.pid)
+        if ready:  # the other end of the pipe is gone, and so is the campaign that asked for this run
+            _end(child)
+            os._exit(128 + signal.SIGTERM)
+        now = _cpu_seconds(child.pid)
         if now > used + 0.01:
             used, since = now, time.monotonic()
         if now > most:

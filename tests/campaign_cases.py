@@ -15,7 +15,8 @@ import pytest
 import synthetic_runs
 
 from campaign.config import Config, read_config
-from campaign.plan import Row, write_plan
+from campaign.plan import Row, make_rows, write_plan
+from campaign.prepare import prepare
 
 ROOT = Path(__file__).parents[1]
 FAKE = str(ROOT / "tests" / "fake_yade.py")
@@ -62,11 +63,14 @@ class Small:
         return path.read_text().split() if path.exists() else []
 
 
-def make_small(place: Path, n: int = 2, more: str = "", **fake) -> Small:
-    """A planned campaign without products; the stand-in copies ready products, so that a run costs little."""
+def make_small(place: Path, n: int = 2, more: str = "", fitted: bool = False, **fake) -> Small:
+    """A planned campaign without products; the stand-in copies ready products, so that a run costs little.
+
+    fitted: choose the points from the pairs, as `plan` does, instead of taking ready ones.
+    """
     toml = synthetic_runs.write_config(place, n, more)
     config, folder = read_config(toml), place / "run"
-    rows = synthetic_runs.planned(config, folder, n)
+    rows = make_rows(config, prepare(config, folder)[0]) if fitted else synthetic_runs.planned(config, folder, n)
     write_plan(rows, folder)
     ready = place / "ready"
     for stage in ("consolidate", "probe", "shear"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from math import sin
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -12,7 +13,7 @@ from campaign.files import write_json, write_text
 from campaign.plan import Row, make_rows
 from campaign.prepare import points_note, points_text
 
-PAIRS = "mu_s,G_p_GPa\n" + "".join(f"{0.1 + 0.02 * k:.3f},{60 - 2.1 * k:.2f}\n" for k in range(20))
+PAIRS = "mu_s,G_p_GPa\n" + "".join(f"{0.1 + 0.02 * k:.3f},{60 - 2.1 * k + 7 * sin(3 * k):.2f}\n" for k in range(20))
 TOML = """
 name = "small"
 [inputs]
@@ -38,8 +39,7 @@ def write_product(folder: Path, row: Row, source: Path | None = None, **paramete
     if source is None:
         import synthetic_results
 
-        names = ("run_id", "stage", "packing", "mu_iso", "mu_s", "G_p", "point", "start")
-        facts = {name: getattr(row, name) for name in names} | {"product": str(part)}
+        facts = vars(row) | {"product": str(part)}
         if row.stage == "consolidate":
             facts |= {"mu_s": 0.25, "point": 0}
         synthetic_results.write_run(SimpleNamespace(**facts), end=row.values.get("strain_end", 0.4))

@@ -145,7 +145,9 @@ def test_yade_missing(tmp_path, table):
 
 def test_two_at_once(tmp_path, table):
     small = make_small(tmp_path, seconds=2.0)
-    first = subprocess.Popen(small.line("run"), env=small.env(), cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    first = subprocess.Popen(
+        small.line("run"), env=small.env(), cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
     while not small.started():
         time.sleep(0.05)
     running = small.status()["counts"]["total"]

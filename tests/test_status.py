@@ -1,0 +1,81 @@
+"""Counts with a constant total, core-hours spent and predicted, and what a script reads."""
+
+import json
+
+import pytest
+from campaign_cases import finish, make_small
+
+from campaign.products import look, write_failure
+from campaign.status import Progress, bar, campaign_status, span, status_text, summary
+
+
+@pytest.fixture
+def small(tmp_path):
+    small = make_small(tmp_path, n=4)
+    finish(small, *small.rows[-3:])
+    write_failure(small.folder / "products", small.rows[-1].run_id, "blew up: energy error 0.3 > 0.05")
+    return small
+
+
+def test_counts_add_up_to_a_constant_total(small):
+    told = campaign_status(small.config, small.folder, small.rows)
+    for counts in told["counts"].values():
+        assert counts["total"] == sum(v for k, v in counts.items() if k != "total")
+    assert told["counts"]["total"] | {"done": 15, "failed": 1, "missing": 2, "total": 18} == told["counts"]["total"]
+    assert told["failures"][0]["reason"] == "blew up: energy error 0.3 > 0.05"
+
+
+def test_json_is_the_whole_truth(small):
+    assert json.loads(small.command("status", "--json").stdout)["counts"]["total"]["total"] == 18
+
+
+def test_text_has_counts_core_hours_and_a_line_a_failure(small):
+    text = status_text(campaign_status(small.config, small.folder, small.rows))
+    assert "15/18 runs" in text and "core-hours" in text
+    assert f"failed: {small.rows[-1].run_id}: blew up: energy error 0.3 > 0.05" in text
+
+
+def test_time_to_go_follows_the_pace_of_the_runs_so_far(small):
+    states = look(small.folder, small.rows)
+    told = summary(small.config, small.rows, states)
+    done = [r for r in small.rows if states[r.run_id].state == "done"]
+    pace = 2.0 * len(done) / sum(r.cpu_seconds for r in done)
+    left = sum(r.cpu_seconds for r in small.rows if states[r.run_id].state == "missing")
+    assert told["core_hours_to_go"] == pytest.approx(left * pace / 3600)
+    assert told["core_hours_spent"] == pytest.approx(2.0 * len(done) / 3600)
+
+
+def test_cost_of_looking_grows_linearly(tmp_path, monkeypatch):
+    """Counted in system calls on products, not in seconds: one `stat` a product and no opening, at any size."""
+    from campaign import products
+
+    for n in (2, 8):
+        small = finish(make_small(tmp_path / str(n), n=n))
+        look(small.folder, small.rows)
+        calls = []
+        stamp = products._stamp
+        monkeypatch.setattr(
+            products, "_stamp", lambda path, calls=calls, stamp=stamp: calls.append(path) or stamp(path)
+        )
+        look(small.folder, small.rows)
+        assert len(calls) == len(small.rows) == 2 + 4 * n
+        monkeypatch.undo()
+
+
+def test_words_for_times_and_bar():
+    assert [span(s) for s in (5, 600, 9000)] == ["5 s", "10 min", "2.5 h"]
+    assert bar(1, 2, 4) == "[##--] 1/2 runs"
+
+
+def test_progress_survives_a_closed_terminal(monkeypatch):
+    class Gone:
+        def write(self, text):
+            raise OSError(5, "Input/output error")
+
+        def isatty(self):
+            return True
+
+    monkeypatch.setattr("sys.stderr", Gone())
+    progress = Progress()
+    progress.show("1 of 2")
+    progress.end()
