@@ -175,8 +175,8 @@ def _drawn(sample, index):
 
 
 def _distance(values, weight, a, b):
-    spread = np.mean([weighted.std(values[k], weight[k]) for k in (a, b)])
-    return weighted.wasserstein(values[a], values[b], weight[a], weight[b]) / spread
+    spread = np.mean(weighted.std(values[[a, b]], weight[[a, b]]))
+    return weighted.wasserstein(values[a], values[b], weight[a], weight[b]) / spread if spread > 0 else np.nan
 
 
 def _largest_distance(samples, state, symbol):
@@ -253,11 +253,11 @@ def _grading_values(samples):
 
 
 def _grading_distance(samples):
-    return max(np.max(np.abs(_means(v, w) - paper.GRADING_INDEX)) for v, w in _grading_values(samples))
+    return max(np.max(np.abs(weighted.mean(v, w) - paper.GRADING_INDEX)) for v, w in _grading_values(samples))
 
 
 def _grading_cov(samples):
-    return max(np.max(_covs(v, w)) for v, w in _grading_values(samples))
+    return max(np.max(weighted.cov(v, w)) for v, w in _grading_values(samples))
 
 
 def _initial(samples, symbol):
@@ -267,24 +267,16 @@ def _initial(samples, symbol):
 def _initial_step(samples):
     steps = []
     for symbol, sign in (("e", 1), ("e_m", 1), ("Z", -1), ("Z_m", -1)):
-        mean = _means(*_initial(samples, symbol))
+        mean = weighted.mean(*_initial(samples, symbol))
         steps.extend(sign * np.diff(mean) / mean[1:])
     return min(steps)
 
 
 def _initial_difference(samples):
     places = {mu_iso: k for k, mu_iso in enumerate(samples["coupled"].densities)}
-    return max(abs(_means(*_initial(samples, symbol))[places[mu_iso]] / mean - 1)
+    return max(abs(weighted.mean(*_initial(samples, symbol))[places[mu_iso]] / mean - 1)
                for (symbol, mu_iso), (mean, _) in paper.INITIAL_STATE.items() if mu_iso in places)  # fmt: skip
 
 
 def _initial_cov(samples):
-    return max(np.max(_covs(*_initial(samples, symbol))) for symbol in ("e", "e_m", "Z", "Z_m"))
-
-
-def _means(values, weight):
-    return np.array([weighted.mean(v, w) for v, w in zip(values, weight, strict=True)])
-
-
-def _covs(values, weight):
-    return np.array([weighted.cov(v, w) for v, w in zip(values, weight, strict=True)])
+    return max(np.max(weighted.cov(*_initial(samples, symbol))) for symbol in ("e", "e_m", "Z", "Z_m"))

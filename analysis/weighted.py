@@ -11,8 +11,13 @@ import numpy as np
 
 def mean(values, probability):
     """Weighted mean over the last axis, sum_q P_q h_q / sum_q P_q over the finite values; NaN if there is none."""
-    values, share = _shares(values, probability)
-    return np.where(share.sum(axis=-1) > 0, np.sum(share * values, axis=-1), np.nan)
+    values = np.asarray(values, float)
+    finite = np.isfinite(values)
+    share = finite * np.asarray(probability, float)
+    total = share.sum(axis=-1)
+    known = np.where(finite, values, 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return (share * known).sum(axis=-1) / total
 
 
 def std(values, probability):
@@ -70,10 +75,3 @@ def _finite(values, probability):
     keep = np.isfinite(values) & (probability > 0)
     total = probability[keep].sum()
     return values[keep], probability[keep] / (total if total > 0 else 1.0)
-
-
-def _shares(values, probability):
-    values = np.asarray(values, float)
-    share = np.where(np.isfinite(values), np.asarray(probability, float), 0.0)
-    total = share.sum(axis=-1, keepdims=True)
-    return np.nan_to_num(values), share / np.where(total > 0, total, 1.0)

@@ -7,14 +7,18 @@ Love stress is exact: contact forces f_i = sigma_ii a^2.
 
 from __future__ import annotations
 
+import atexit
+import functools
 import json
+import shutil
+import tempfile
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pandas as pd
 
-from analysis import copulas, joint, marginals
+from analysis import copulas, joint, marginals, responses
 from analysis.quantities import RECORD
 
 DENSITIES = (0.001, 0.04, 0.1)
@@ -213,6 +217,14 @@ def settings(pairs=94, seed=2):
         "copulas": [copula], "joint": joint.Joint((fits[0][0], fits[1][0]), copula.copula),
         "point_attrs": {"method": "synthetic", "seed": 1},
     }  # fmt: skip
+
+
+@functools.lru_cache
+def example(noise=0.0):
+    """Path of the results of a campaign of five points and both families, made once a session."""
+    folder = Path(tempfile.mkdtemp(prefix="example-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return responses.build_results(folder, *make_campaign(folder, n=5, noise=noise, families=("coupled", "G_p")))
 
 
 def make_campaign(folder, n=8, noise=0.0, families=("coupled",), packings=(1,), steady=(), failed=()):

@@ -8,16 +8,13 @@ import pytest
 import synthetic_results as synthetic
 
 from analysis import weighted
-from analysis.responses import build_results
 from analysis.results import ResultsError, read_results
 
 
 @pytest.fixture(scope="module")
-def campaign(tmp_path_factory):
+def campaign():
     """Five noise-free points, families coupled and G_p: (points, settings, results)."""
-    folder = tmp_path_factory.mktemp("results")
-    plan, points, settings = synthetic.make_campaign(folder, n=5, families=("coupled", "G_p"))
-    return points, settings, read_results(build_results(folder, plan, points, settings))
+    return synthetic.representative_points(5), synthetic.settings(), read_results(synthetic.example())
 
 
 def test_reader_gives_back_what_was_written(campaign):

@@ -8,17 +8,17 @@ import pytest
 import synthetic_results as synthetic
 
 from analysis import paper, tables, weighted
-from analysis.responses import build_results
 
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory):
-    """Tables of a campaign of five points with noise, two packings at one density: (points, dict of frames)."""
+    """Tables of a campaign of five points with noise: (points, dict of frames)."""
     folder = tmp_path_factory.mktemp("tables")
-    plan, points, settings = synthetic.make_campaign(folder, n=5, noise=0.02)
-    paths = tables.write_tables(build_results(folder, plan, points, settings), folder)
+    paths = tables.write_tables(synthetic.example(noise=0.02), folder)
     assert all(path.parent == folder / "tables" for path in paths) and not list(folder.glob("tables/*.part"))
-    return points, {path.stem: pd.read_csv(path) for path in paths}
+    frames = {path.stem: pd.read_csv(path) for path in paths}
+    both = {name: frame.query("family == 'coupled'") if "family" in frame else frame for name, frame in frames.items()}
+    return synthetic.representative_points(5), both | {name: frames[name] for name in ("marginals", "copulas")}
 
 
 def test_every_promised_table_is_there_with_rows(written):

@@ -13,7 +13,7 @@ def behaviour(results, symbol):
     densities = results.family_densities()
     figure = style.new_figure(7.6, 8.4)
     rows = figure.subfigures(3, 1, height_ratios=[1.0, 1.0, 1.15])
-    panels.contour_row(rows[0], rows[0].subplots(1, len(densities)), results, symbol, "coupled",
+    panels.contour_row(rows[0], results, symbol, "coupled",
                        "(a) along axial strain; line: mean")  # fmt: skip
     left, right = rows[1].subplots(1, 2)
     panels.state_pdfs(left, results, "peak", symbol, legend=True)

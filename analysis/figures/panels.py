@@ -57,21 +57,20 @@ def density_levels(top):
     return np.concatenate([[0.02 * top], levels[(levels > 0.03 * top) & (levels <= 1.001 * top)]])
 
 
-def contour_row(figure, axes, results, symbol, family, title):
+def contour_row(figure, results, symbol, family, title):
     """One contour panel per density on common axes, with one colour bar; lines are means."""
     densities = results.family_densities(family)
+    axes = figure.subplots(1, len(densities), squeeze=False)[0]
     responses = [results.response(symbol, mu_iso, family) for mu_iso in densities]
     top = max(top_density(response) for response in responses)
     filled = None
-    for axis, response, mu_iso in zip(axes, responses, densities, strict=False):
+    for axis, response, mu_iso in zip(axes, responses, densities, strict=True):
         filled = contours(axis, response, top)
         axis.plot(style.shown("eps_a", response.strain), style.shown(symbol, response.mean), color="k", lw=1.0)
         axis.set_ylim(*visible_range(responses, symbol))
         axis.set_title(style.density_title(mu_iso, densities), fontsize=8.5)
-    for axis in axes[1 : len(densities)]:
+    for axis in axes[1:]:
         axis.tick_params(labelleft=False)
-    for axis in axes[len(densities) :]:
-        axis.set_visible(False)
     axes[0].set_ylabel(style.label(symbol))
     figure.suptitle(title, x=0.01, ha="left", fontsize=9.5)
     colour_bar(figure, filled, list(axes), style.pdf_label(symbol))

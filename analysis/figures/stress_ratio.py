@@ -13,11 +13,11 @@ def stress_ratio(results):
     alone = "G_p" in results.families
     figure = style.new_figure(7.6, 8.6 if alone else 6.4)
     rows = figure.subfigures(3 if alone else 2, 1, height_ratios=[1.0] * alone + [1.0, 1.15])
-    panels.contour_row(rows[0], rows[0].subplots(1, _columns(results)), results, "eta", "coupled",
+    panels.contour_row(rows[0], results, "eta", "coupled",
                        r"(a) $\mu_s$ and $G_p$ vary together; line: mean")  # fmt: skip
     if alone:
         fixed = results.family_points("G_p")["mu_s"].iloc[0]
-        panels.contour_row(rows[1], rows[1].subplots(1, _columns(results)), results, "eta", "G_p",
+        panels.contour_row(rows[1], results, "eta", "G_p",
                            rf"(b) $G_p$ varies alone, $\mu_s$ = {fixed:g}")  # fmt: skip
     left, middle, right = rows[-1].subplots(1, 3, width_ratios=[1.35, 1, 1])
     panels.mean_band(left, results, "eta")
@@ -78,7 +78,3 @@ def peak_and_critical(results):
         axes[1].plot([], [], marker=marker, fillstyle=fill, color="0.35", linestyle="none", label=text)
     axes[1].legend(loc="best", fontsize=7)
     return figure
-
-
-def _columns(results):
-    return len(results.family_densities())

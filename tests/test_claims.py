@@ -1,0 +1,86 @@
+"""Claims: verdicts follow the interval, and numbers are those of synthetic campaigns with known answers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import synthetic_results as synthetic
+
+from analysis import paper, weighted
+from analysis.claims import HELD, NOT_HELD, OPEN, claims_table, verdict
+from analysis.results import read_results
+
+
+@pytest.fixture(scope="module")
+def results():
+    return read_results(synthetic.example())
+
+
+@pytest.fixture(scope="module")
+def table(results):
+    """Claims of the noise-free example, keyed by the claim's words."""
+    return claims_table(results, n_boot=40).set_index("claim")
+
+
+@pytest.mark.parametrize("low, high, sense, limit, outcome", [
+    (0.1, 0.2, "<=", 0.25, HELD), (0.3, 0.4, "<=", 0.25, NOT_HELD), (0.2, 0.3, "<=", 0.25, OPEN),
+    (0.6, 0.7, ">=", 0.5, HELD), (0.3, 0.4, ">=", 0.5, NOT_HELD), (0.4, 0.6, ">=", 0.5, OPEN),
+    (np.nan, 0.4, ">=", 0.5, OPEN), (0.5, 0.5, ">=", 0.5, HELD),
+])  # fmt: skip
+def test_the_verdict_follows_the_whole_interval(low, high, sense, limit, outcome):
+    assert verdict(low, high, sense, limit) == outcome
+
+
+def test_closed_forms_that_forget_the_density_are_held(table):
+    for words in ("stress ratio coincide", "void ratio coincide"):
+        rows = table[table.index.str.contains(words)]
+        assert len(rows) and (rows["verdict"] == HELD).all() and (rows["value"] < 0.05).all()
+    assert table.loc["The coordination number forgets the density", "verdict"] == HELD
+    assert (table.loc[table.index.str.contains("At the peak the PDFs"), "verdict"] == HELD).all()
+
+
+def test_the_peak_distance_is_the_wasserstein_distance_over_the_spread(results, table):
+    a, b = (results.state("peak", "eta", mu_iso) for mu_iso in (0.001, 0.1))
+    w = results.weights(0.04)
+    exact = weighted.wasserstein(a, b, w, w) / np.mean([weighted.std(a, w), weighted.std(b, w)])
+    assert table.loc["At the peak the PDFs of the stress ratio differ between densities", "value"] == pytest.approx(
+        exact
+    )
+
+
+def test_stiffness_claims(table):
+    assert table.loc["Dense samples have the higher G_0", "value"] == pytest.approx(1.12 / 0.88 - 1)
+    assert table.loc["G_p moves the small-strain stiffness", "value"] == pytest.approx(1)
+    alone = table.loc["G_p alone hardly moves the stress ratio at large strain"]
+    assert alone["value"] == pytest.approx(0, abs=1e-9) and alone["verdict"] == HELD and "mu_s fixed" in alone["number"]
+
+
+def test_correlations_of_the_critical_state(results, table):
+    eta, e, Z, w = (*(results.state("critical", s, 0.04) for s in ("eta", "e", "Z")), results.weights(0.04))
+    value = table.loc["A higher critical eta goes with a larger void ratio", "value"]
+    assert value == pytest.approx(weighted.correlation(eta, e, w), abs=1e-3)
+    value = table.loc["A higher critical eta goes with a smaller coordination number", "value"]
+    assert value == pytest.approx(-weighted.correlation(eta, Z, w), abs=1e-3)
+
+
+def test_the_steady_strain_is_that_of_the_closed_form(results, table):
+    weight, strain = results.weights(0.001), results.strain
+    mu_s = results.family_points()["mu_s"]
+    mean = np.array([synthetic.eta(strain, m, 0.001) for m in mu_s]).T @ weight
+    off = np.flatnonzero(abs(mean / mean[strain >= 0.3].mean() - 1) > 0.03)
+    assert table.loc["The critical state is reached by 25 % strain", "value"] == pytest.approx(strain[off[-1] + 1])
+
+
+def test_table_3_and_grading(table):
+    mine = max(abs((1.02 * synthetic.E_0[m] + 0.035) / paper.INITIAL_STATE[("e_m", m)][0] - 1) for m in (0.001, 0.1))
+    row = table.loc["The initial states are those of Table 3"]
+    assert row["value"] == pytest.approx(mine, rel=1e-3) and row["verdict"] == NOT_HELD
+    assert table.loc["e and e_m grow and Z and Z_m fall with mu_iso", "verdict"] == HELD
+    assert table.loc["I_G_active and I_G_stress hardly vary (COV about 0.001)", "verdict"] == HELD
+
+
+def test_the_interval_holds_the_value_and_is_repeatable(results, table):
+    again = claims_table(results, n_boot=40).set_index("claim")
+    assert again.equals(table)
+    smooth = table[~table["number"].str.contains("largest|least|Wasserstein")]
+    assert ((smooth["from"] <= smooth["value"] + 1e-9) & (smooth["value"] <= smooth["to"] + 1e-9)).all()

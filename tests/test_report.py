@@ -1,0 +1,145 @@
+"""The report: one self-contained page whose numbers are the tables', with every figure and every warning."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+
+import pandas as pd
+import pytest
+import synthetic_results as synthetic
+
+from analysis import report, report_text, trust, webpage, weighted
+from analysis.figures import FIGURES
+from analysis.responses import build_results
+from analysis.results import read_results
+
+
+class Page(HTMLParser):
+    """Text, images and open tags of a page; fails on a tag closed out of order."""
+
+    def __init__(self, source):
+        super().__init__()
+        self.text, self.images, self.open = [], [], []
+        self.feed(source)
+
+    def handle_starttag(self, tag, attrs):
+        if tag == "img":
+            self.images.append(dict(attrs))
+        elif tag not in ("meta", "br"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text.append(data)
+
+
+@pytest.fixture(scope="module")
+def results():
+    return read_results(synthetic.example(noise=0.02))
+
+
+@pytest.fixture(scope="module")
+def page(results, tmp_path_factory):
+    """The page drawn with stand-in pictures: drawing the figures is tested elsewhere."""
+    picture = tmp_path_factory.mktemp("report") / "picture.png"
+    picture.write_bytes(b"\x89PNG\r\n")
+    source = webpage.page("Campaign x", report.sections(results, dict.fromkeys(FIGURES, picture), "x"))
+    return source, Page(source)
+
+
+def test_the_page_is_whole_and_needs_no_network(page):
+    source, parsed = page
+    assert parsed.open == []
+    assert not re.search(r"(src|href)=\"(?!data:|#)", source) and "@import" not in source
+    assert 'name="viewport"' in source and "@media print" in source
+
+
+def test_every_figure_is_embedded_with_its_words(page):
+    _, parsed = page
+    assert len(parsed.images) == len(FIGURES)
+    for image, name in zip(parsed.images, FIGURES, strict=True):
+        assert image["src"].startswith("data:image/png;base64,")
+        assert image["alt"].startswith(f"Figure {int(name[3:5])}.")
+
+
+def test_every_table_can_scroll_within_itself(page):
+    source, _ = page
+    assert source.count("<table") == source.count('<div class="scroll"><table') >= 11
+
+
+def test_the_numbers_are_those_of_the_results(page, results):
+    text = " ".join(page[1].text)
+    for state in ("peak", "critical"):
+        values, weight = results.state(state, "eta", 0.001), results.weights(0.001)
+        assert f"{weighted.mean(values, weight):.2f} ± {weighted.std(values, weight):.2f}" in text
+    assert "0.538" in text and "(0.001" in text
+    assert "These numbers are rough" in text and "27 spheres and 5 points" in text
+    for word in ("held", "Wasserstein", "inertial number", "bandwidth", "synthetic pairs"):
+        assert word in text or word == "bandwidth"
+
+
+def test_failures_and_early_stops_are_said_with_their_numbers(tmp_path):
+    plan, points, settings = synthetic.make_campaign(tmp_path, n=6, steady=(2,), failed=(3,))
+    loose = settings | {"max_lost_probability": 0.5}
+    results = read_results(build_results(tmp_path, plan, points, loose))
+    notes = " ".join(report_text.run_notes(results))
+    assert "3 of 39 runs failed." in notes and "servo error 0.08" in notes and "3 shear runs stopped early" in notes
+    losses = trust.losses(results)
+    lost = float(points["probability"][points["id"] == 3].iloc[0])
+    assert losses["lost probability"].to_numpy() == pytest.approx(lost)
+    counts = trust.run_counts(results).set_index("stage")
+    assert list(counts.loc["shear", ["planned", "done", "failed", "steady early"]]) == [18, 15, 3, 3]
+    assert counts.loc["shear", "hours"] == pytest.approx(15 * 2.0 / 3600)
+
+
+def test_noise_and_widths_are_told(results):
+    noise = trust.noise(results).set_index(["mu_iso", "quantity"])
+    row = noise.loc[(0.04, "eta")]
+    assert 0.001 < row["error of one run"] < 0.02 < row["spread of points"]
+    assert row["share of variance"] == pytest.approx((row["error of one run"] / row["spread of points"]) ** 2)
+    widths = trust.widths(results).set_index(["mu_iso", "quantity"])
+    assert 0 < widths.loc[(0.04, "eta"), "width shown"] < widths.loc[(0.04, "eta"), "spread of points"]
+
+
+def test_packing_scatter_is_the_spread_between_packings(tmp_path):
+    plan, points, settings = synthetic.make_campaign(tmp_path, n=2, noise=0.02, packings=(1, 2, 3))
+    results = read_results(build_results(tmp_path, plan, points, settings))
+    sets = results.state_replicates("critical", "eta", 0.1)
+    exact = (sets.var(axis=0, ddof=1).mean()) ** 0.5
+    assert trust.packing_scatter(results, "critical", "eta", 0.1) == pytest.approx(exact)
+
+
+def test_the_proofs_name_their_worst_run(results):
+    proofs = trust.proofs(results).set_index("proof")
+    assert proofs.loc["largest inertial number", "largest"] == pytest.approx(1.1e-3)
+    assert proofs.loc["largest inertial number", "run of the largest"].startswith("shear_")
+
+
+@pytest.mark.parametrize("value, text", [(0.0, "0"), (float("nan"), "–"), (1234.5, "1234"), (0.012345, "0.0123"),
+                                         (-0.5, "-0.500"), (2.5e9, "2.50e+09"), (1e-16, "0")])  # fmt: skip
+def test_numbers_read_well(value, text):
+    assert webpage.number(value) == text
+
+
+def test_text_is_escaped():
+    source = webpage.table(pd.DataFrame({"a<b": ["<script>"], "n": [1.5]}), caption="x & y")
+    assert "<script>" not in source and "&lt;script&gt;" in source and "x &amp; y" in source
+
+
+def test_write_report_leaves_one_file_and_the_figures(results, tmp_path, monkeypatch):
+    def draw(results, folder, names=None):
+        folder.mkdir()
+        paths = [folder / f"{name}.png" for name in FIGURES]
+        for path in paths:
+            path.write_bytes(b"\x89PNG")
+        return paths
+
+    monkeypatch.setattr(report, "write_figures", draw)
+    monkeypatch.setattr(report, "sections", lambda results, figures, name: [("", f"{name} {len(figures)}")])
+    path = report.write_report(results, tmp_path)
+    assert path == tmp_path / "report.html" and {p.name for p in tmp_path.iterdir()} == {"figures", "report.html"}
+    source = path.read_text(encoding="utf-8")
+    assert "<title>Campaign synthetic</title>" in source and "synthetic 14" in source
