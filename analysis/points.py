@@ -10,14 +10,17 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import optimize, special, stats
+from scipy import special
 
 from analysis.discrepancy import gf_discrepancy
 from analysis.joint import Joint
+from analysis.point_sets import fair_order, kernel_discrepancy, uniform_set
+from analysis.rearrangement import calibrated, gauss_rearranged, middles, sheared
 from analysis.voronoi import cell_probabilities, sampled_cell_probabilities
 
 METHODS = ("gf", "gf-published", "sobol", "lhs", "mc")
 _SMALLEST = 8
+_SMALLEST_NESTED = 40
 _ROUNDS = 3
 
 
@@ -60,12 +63,14 @@ class RepresentativePoints:
 def select_points(
     joint: Joint, n: int, method: str = "gf", seed: int = 1, nested: bool = False
 ) -> RepresentativePoints:
-    """Choose n points with probabilities for a joint distribution; seconds at most, the same for the same seed.
+    """Choose n points with probabilities for a joint distribution; well under a second for n = 100, repeatable by its seed.
 
-    method: `gf` (Sobol' set, rearranged in the physical marginals with exact Voronoi probabilities, which are then
-    changed as little as possible until means, variances and covariances are exact), `gf-published` (Chen, Yang and Li
-    2016: rearrangement in the independent space), or `sobol`, `lhs`, `mc` with equal probabilities.
-    `nested=True` (gf only): the first n/2 points are those of select_points(joint, n/2, nested=True), and so on.
+    method `gf`: a rank-one lattice in the independent space, then rounds of exact Voronoi probabilities and rearrangement
+    in the *physical* marginals onto two-point rules that keep means and variances, a small shear for the correlation, and a
+    smallest change of the probabilities that makes means, variances and covariances exact.  Points come in an order in
+    which every beginning is a fair set.  `gf-published`: Sobol' points and rearrangement in the independent space (Chen,
+    Yang and Li 2016).  `sobol`, `lhs`, `mc`: equal probabilities.
+    `nested=True` (gf): the first n/2 points are select_points(joint, n/2, nested=True), and so on down to 40 points.
     Raises PointsError for n < 8 or an unknown method.
     """
     if n < _SMALLEST:
@@ -80,8 +85,14 @@ def select_points(
     elif method == "gf-published":
         x, probability = _published(joint, n, seed)
     else:
-        x, probability = joint.inverse_rosenblatt(_uniform(method, n, joint.dimension, seed)), equal
+        x, probability = joint.inverse_rosenblatt(uniform_set(method, n, joint.dimension, seed)), equal
     return _points(joint, x, probability, method, seed, nested)
+
+
+def double_points(points: RepresentativePoints, joint: Joint) -> RepresentativePoints:
+    """Twice as many points of which the first half are the given ones (with new probabilities): paid runs stay useful."""
+    x, probability = _doubled(joint, points.x, points.seed)
+    return _points(joint, x, probability, points.method, points.seed, True)
 
 
 def reweight(points: RepresentativePoints, joint: Joint, samples: int = 2**14) -> RepresentativePoints:
@@ -89,7 +100,7 @@ def reweight(points: RepresentativePoints, joint: Joint, samples: int = 2**14) -
 
     Cells are those of the points under the new distribution (exact in two dimensions), calibrated as in select_points.
     """
-    probability = _calibrated(joint, points.x, _cells(joint.to_normal(points.x), samples))
+    probability = calibrated(joint, points.x, _cells(joint.to_normal(points.x), samples))
     return _points(joint, points.x, probability, points.method, points.seed, points.nested)
 
 
@@ -108,29 +119,19 @@ def normalised(probability: np.ndarray) -> np.ndarray:
 
 
 def _rearranged(joint: Joint, n: int, seed: int):
-    x = joint.inverse_rosenblatt(_uniform("sobol", n, joint.dimension, seed))
-    probability = np.full(n, 1.0 / n)
-    x = _rearrange(joint, x, probability)
+    """Lattice, then rounds of Voronoi probabilities and rearrangement in the physical marginals, then the correlation."""
+    x = joint.inverse_rosenblatt(uniform_set("lattice", n, joint.dimension, seed))
+    x = gauss_rearranged(joint, x, np.full(n, 1.0 / n))
     for _ in range(_ROUNDS):
-        probability = _cells(joint.to_normal(x))
-        x = _rearrange(joint, x, probability)
-    return x, _calibrated(joint, x, probability)
-
-
-def _rearrange(joint: Joint, x: np.ndarray, probability: np.ndarray) -> np.ndarray:
-    """Move every coordinate, keeping its order, to the middle of the probability that its point carries."""
-    return joint.from_uniforms(_middles(x, probability))
-
-
-def _middles(x, probability):
-    order = np.argsort(x, axis=0, kind="stable")
-    u = np.empty_like(x)
-    np.put_along_axis(u, order, np.cumsum(probability[order], axis=0) - 0.5 * probability[order], axis=0)
-    return u / math.fsum(probability)
+        probability = normalised(_cells(joint.to_normal(x)))
+        x = gauss_rearranged(joint, x, probability)
+    x = sheared(joint, x, probability)
+    order = fair_order(joint.rosenblatt(x), probability)
+    return x[order], calibrated(joint, x, probability)[order]
 
 
 def _published(joint: Joint, n: int, seed: int, rounds: int = 10):
-    u = _middles(_uniform("sobol", n, joint.dimension, seed), np.full(n, 1.0 / n))
+    u = middles(uniform_set("sobol", n, joint.dimension, seed), np.full(n, 1.0 / n))
     best = (np.inf, None, None)
     for _ in range(rounds):
         z = special.ndtri(u)
@@ -139,70 +140,36 @@ def _published(joint: Joint, n: int, seed: int, rounds: int = 10):
         worst = gf_discrepancy(x, probability, joint).max()
         if worst < best[0]:
             best = (worst, x, probability)
-        u = _middles(u, probability)
+        u = middles(u, probability)
     return best[1:]
 
 
 def _nested(joint: Joint, n: int, seed: int):
+    """Start from the smallest half of halves with at least 40 points, and double it again and again."""
     sizes = [n]
-    while sizes[0] % 2 == 0 and sizes[0] // 2 >= _SMALLEST:
+    while sizes[0] % 2 == 0 and sizes[0] // 2 >= _SMALLEST_NESTED:
         sizes.insert(0, sizes[0] // 2)
-    sequence = joint.uniforms(joint.inverse_rosenblatt(_uniform("sobol", n, joint.dimension, seed)))
-    u = np.empty((0, joint.dimension))
-    for size in sizes:
-        u = _extended(u, sequence[len(u) : size])
-    x = joint.from_uniforms(u)
-    trials = [_calibrated(joint, x, start) for start in (_cells(joint.to_normal(x)), np.full(n, 1.0 / n))]
-    return x, min(trials, key=lambda p: gf_discrepancy(x, p, joint).max())
+    x, probability = _rearranged(joint, sizes[0], seed)
+    for _ in sizes[1:]:
+        x, probability = _doubled(joint, x, seed)
+    return x, probability
 
 
-def _extended(old: np.ndarray, new: np.ndarray) -> np.ndarray:
-    """Add points: each coordinate of a new point goes to the middle of a stratum of probability 1/n that is still empty."""
-    n = len(old) + len(new)
-    moved = np.empty_like(new)
-    for i in range(new.shape[1]):
-        empty = np.setdiff1d(np.arange(n), np.floor(old[:, i] * n).astype(int))
-        middles = (empty + 0.5) / n
-        rows, columns = optimize.linear_sum_assignment((new[:, [i]] - middles) ** 2)
-        moved[rows, i] = middles[columns]
-    return np.vstack([old, moved])
+def _doubled(joint: Joint, old: np.ndarray, seed: int, trials: int = 64):
+    """As many new points again: the shifted lattice that fills the old points' gaps best, moved to the free probability."""
+    n = len(old)
+    shifts = np.random.default_rng([seed, n]).integers(0, 2**32, trials)
+    w_old = joint.rosenblatt(old)
+    lattices = (uniform_set("lattice", n, joint.dimension, int(shift)) for shift in shifts)
+    fill = min(lattices, key=lambda w: kernel_discrepancy(np.vstack([w_old, w])))
+    x = np.vstack([old, joint.inverse_rosenblatt(fill)])
+    probability = np.full(2 * n, 0.5 / n)
+    for _ in range(_ROUNDS):
+        x[n:] = joint.from_uniforms(middles(x, probability))[n:]
+        probability = normalised(_cells(joint.to_normal(x)))
+    order = fair_order(joint.rosenblatt(x), probability, first=n)
+    return x[order], calibrated(joint, x, probability)[order]
 
 
 def _cells(z: np.ndarray, samples: int = 2**18) -> np.ndarray:
     return cell_probabilities(z) if z.shape[1] == 2 else sampled_cell_probabilities(z, samples)
-
-
-def _calibrated(joint: Joint, x: np.ndarray, probability: np.ndarray) -> np.ndarray:
-    """The positive weights nearest to `probability` (Kullback-Leibler) with exact means, variances and covariances.
-
-    Exponential tilting (Deville and Sarndal 1992): P_q exp(lambda . g_q), Newton's method on the convex dual.
-    """
-    mean, covariance = joint.moments()
-    sd = np.sqrt(np.diag(covariance))
-    y = (x - mean) / sd
-    i, j = np.triu_indices(y.shape[1])
-    g = np.hstack([y, y[:, i] * y[:, j] - (covariance / np.outer(sd, sd))[i, j]])
-    start = np.maximum(probability, 1e-6 / len(x))
-    start = start / start.sum()
-    multiplier = np.zeros(g.shape[1])
-    for _ in range(100):
-        exponent = g @ multiplier
-        w = start * np.exp(exponent - exponent.max())
-        w = w / w.sum()
-        residual = w @ g
-        if np.abs(residual).max() < 1e-13:
-            break
-        hessian = (g * w[:, None]).T @ g - np.outer(residual, residual)
-        step = np.linalg.solve(hessian + 1e-10 * np.eye(len(residual)), -residual)
-        multiplier = multiplier + min(1.0, 2.0 / np.abs(g @ step).max()) * step
-    return w
-
-
-def _uniform(method: str, n: int, d: int, seed: int) -> np.ndarray:
-    """n points of the unit cube (n, d): scrambled Sobol', Latin hypercube or random."""
-    if method == "lhs":
-        return stats.qmc.LatinHypercube(d, seed=seed).random(n)
-    if method == "mc":
-        return np.random.default_rng(seed).random((n, d))
-    size = int(np.ceil(np.log2(n)))
-    return np.clip(stats.qmc.Sobol(d, seed=seed).random_base2(size)[:n], 2.0**-33, 1.0 - 2.0**-33)

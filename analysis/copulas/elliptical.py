@@ -20,16 +20,33 @@ def normal_score(u, uc):
 
 
 def student_score(u, uc, nu):
-    """Student t quantile of u with nu > 0 degrees of freedom: the library's value, polished by Newton's method."""
+    """Student t quantile of u with nu >= 1 degrees of freedom: Hill's (1970) start, finished by Newton's method."""
     lower = u < 0.5
-    tail = np.where(lower, u, uc)
-    score = special.stdtrit(nu, tail)
+    tail = np.maximum(np.where(lower, u, uc), 1e-120)
+    score = -_hill_quantile(tail, nu)
     constant = special.gammaln(0.5 * (nu + 1.0)) - special.gammaln(0.5 * nu) - 0.5 * np.log(nu * np.pi)
-    for _ in range(2):
-        density = np.exp(constant - 0.5 * (nu + 1.0) * np.log1p(score**2 / nu))
+    for _ in range(3):
+        log_density = constant - 0.5 * (nu + 1.0) * np.log1p(score**2 / nu)
         cdf = special.stdtr(nu, score)
-        score = score + np.log(tail / cdf) * cdf / density
+        score = score + np.log(tail / cdf) * cdf * np.exp(-log_density)
     return np.where(lower, score, -score)
+
+
+def _hill_quantile(tail, nu):
+    """Hill's Algorithm 396: |quantile| of a one-sided tail probability <= 1/2, to about five digits."""
+    a = 1.0 / (nu - 0.5)
+    b = (48.0 / a) ** 2
+    c = ((20700.0 * a / b - 98.0) * a - 16.0) * a + 96.36
+    d = ((94.5 / (b + c) - 3.0) / b + 1.0) * np.sqrt(0.5 * a * np.pi) * nu
+    y = np.maximum((2.0 * d * tail) ** (2.0 / nu), 1e-300)
+    x = special.ndtri(tail)
+    c = c + np.where(nu < 5.0, 0.3 * (nu - 4.5) * (x + 0.6), 0.0)
+    c = (((0.05 * d * x - 5.0) * x - 7.0) * x - 2.0) * x + b + c
+    middle = (((((0.4 * x * x + 6.3) * x * x + 36.0) * x * x + 94.5) / c - x * x - 3.0) / b + 1.0) * x
+    far = 1.0 / (((nu + 6.0) / (nu * y) - 0.089 * d - 0.822) * (nu + 2.0) * 3.0) + 0.5 / (nu + 4.0)
+    far = (far * y - 1.0) * (nu + 1.0) / (nu + 2.0) + 1.0 / y
+    square = np.where(y > 0.05 + a, np.expm1(np.minimum(a * middle * middle, 700.0)), far)
+    return np.sqrt(nu * np.maximum(square, 0.0))
 
 
 def gaussian_log_density(x, y, rho):

@@ -81,24 +81,28 @@ def log_of(u, uc):
 def solve_conditional(conditional: Callable, logpdf: Callable, u, uc, p, pc, *params):
     """Invert P(V <= v | U = u) = p by Newton's method in logit v, safeguarded by bisection: returns (v, 1 - v)."""
     u, uc, p, pc, *params = np.broadcast_arrays(u, uc, p, pc, *params)
+    shape = p.shape
+    u, uc, p, pc, *params = (array.ravel() for array in (u, uc, p, pc, *params))
     low, high = np.full(p.shape, -700.0), np.full(p.shape, 700.0)
     y = np.clip(np.log(p) - np.log(pc), -690.0, 690.0)
     target = log_of(p, pc)
+    active = np.arange(p.size)
     for _ in range(200):
-        v, vc = _expit(y), _expit(-y)
-        value = np.maximum(conditional(u, uc, v, vc, *params), 1e-320)
-        gap = np.log(value) - target
-        low, high = np.where(gap < 0.0, y, low), np.where(gap < 0.0, high, y)
-        slope = np.exp(logpdf(u, uc, v, vc, *params)) * v * vc / value
-        with np.errstate(divide="ignore", invalid="ignore"):
-            step = y - gap / slope
-        inside = (step > low) & (step < high) & np.isfinite(step)
-        update = np.where(inside, step, 0.5 * (low + high))
-        done = (np.abs(update - y) <= 1e-14 * np.maximum(1.0, np.abs(y))) | (gap == 0.0)
-        y = np.where(gap == 0.0, y, update)
-        if np.all(done):
+        at, vs, vcs = y[active], _expit(y[active]), _expit(-y[active])
+        arguments = (u[active], uc[active], vs, vcs, *(value[active] for value in params))
+        value = np.maximum(conditional(*arguments), 1e-320)
+        gap = np.log(value) - target[active]
+        low[active] = np.where(gap < 0.0, at, low[active])
+        high[active] = np.where(gap > 0.0, at, high[active])
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            step = at - gap * value / (np.exp(logpdf(*arguments)) * vs * vcs)
+        inside = (step > low[active]) & (step < high[active])
+        update = np.where(gap == 0.0, at, np.where(inside, step, 0.5 * (low[active] + high[active])))
+        y[active] = update
+        active = active[np.abs(update - at) > 4e-16 * np.abs(at) + 1e-15]
+        if active.size == 0:
             break
-    return _expit(y), _expit(-y)
+    return _expit(y).reshape(shape), _expit(-y).reshape(shape)
 
 
 def _expit(y):

@@ -78,7 +78,7 @@ def fit(x, y, family: str, ranks: bool = True) -> CopulaFit:
         )
     if not kind.names:
         return CopulaFit(family, (), (), (), (), u.size, 0.0, 0.0, 0.0, 0.0)
-    estimate = _polish(kind, u, v, fit_rows(u[None], v[None], family)[0])
+    estimate = fit_rows(u[None], v[None], family)[0]
     free = np.array([float(value) for value in kind.to_free(*estimate)])
     spread = _free_spread(kind, u, v, free, ranks)
     se, interval = _delta(kind, free, spread)
@@ -140,82 +140,72 @@ def _maximise(function, grid: np.ndarray, limits: np.ndarray, rows: int) -> np.n
 
 
 def _student_rows(u, v):
-    """Profile over 1/nu on a grid (quantiles once per grid value), then a parabola through the best three."""
+    """Profile over kappa = 1/nu on a grid, then a parabola through the best three; one row is finished to full precision."""
     unique, index = np.unique(np.concatenate([u.ravel(), v.ravel()]), return_inverse=True)
     index = index.reshape(2, *u.shape)
-    rho = np.empty((len(_KAPPA_GRID), len(u)))
-    profile = np.empty_like(rho)
-    t = np.arctanh(
-        np.clip(
-            np.sin(0.5 * np.pi * np.array([stats.kendalltau(a, b)[0] for a, b in zip(u, v, strict=False)])), -0.99, 0.99
-        )
-    )
+    tau = np.array([stats.kendalltau(a, b)[0] for a, b in zip(u, v, strict=True)])
+    t = np.arctanh(np.clip(np.sin(0.5 * np.pi * tau), -0.99, 0.99))
+    profile, free = np.empty((2, len(_KAPPA_GRID), len(u)))
     for k, kappa in enumerate(_KAPPA_GRID):
-        scores = elliptical.student_score(unique, 1.0 - unique, 1.0 / kappa)
-        x, y = scores[index[0]], scores[index[1]]
-        squares, product = (x * x + y * y) * kappa, 2.0 * x * y * kappa
-        own = elliptical.student_log_density(x, y, 0.0, 1.0 / kappa) + 0.5 * (1.0 / kappa + 2.0) * np.log1p(squares)
-        own = own.mean(axis=1)
-        power = 0.5 / kappa + 1.0
-        for _ in range(8):
-            r = np.tanh(t)[:, None]
-            r2 = 1.0 - r * r
-            q = (squares - r * product) / r2
-            q_r = (2.0 * r * q - product) / r2
-            q_rr = (2.0 * q + 4.0 * r * q_r) / r2
-            slope = (r / r2)[:, 0] - power * np.mean(q_r / (1.0 + q), axis=1)
-            bend = ((1.0 + r * r) / r2**2)[:, 0] - power * np.mean(q_rr / (1.0 + q) - (q_r / (1.0 + q)) ** 2, axis=1)
-            s, c = slope * r2[:, 0], bend * r2[:, 0] ** 2 - 2.0 * r[:, 0] * r2[:, 0] * slope
-            step = np.where(c < 0.0, np.clip(-s / np.where(c < 0.0, c, -1.0), -0.5, 0.5), np.sign(s) * 0.1)
-            t = np.clip(t + step, -4.9, 4.9)
-            if np.max(np.abs(step)) < 1e-7:
-                break
+        profile[k], free[k] = _student_profile(unique, index, kappa, t)
+        t = free[k]
+    kappa, t = _interpolated_maximum(profile, free)
+    if len(u) == 1:
+        best = int(np.argmax(profile[:, 0]))
+        ends = _KAPPA_GRID[[max(best - 1, 0), min(best + 1, len(_KAPPA_GRID) - 1)]]
+        finish = optimize.minimize_scalar(
+            lambda k: -_student_profile(unique, index, k, t)[0][0], bounds=ends, method="bounded", options={"xatol": 1e-9}
+        )
+        kappa = np.array([finish.x]) if -finish.fun >= profile[best, 0] else _KAPPA_GRID[[best]]
+        t = _student_profile(unique, index, kappa[0], t)[1]
+    return np.stack([np.tanh(t), 1.0 / kappa], axis=1)
+
+
+def _student_profile(unique, index, kappa: float, t):
+    """Mean log-likelihood at nu = 1/kappa, maximised over rho = tanh(t) by Newton's method from t (R,): (value, t)."""
+    scores = elliptical.student_score(unique, 1.0 - unique, 1.0 / kappa)
+    x, y = scores[index[0]], scores[index[1]]
+    squares, product = (x * x + y * y) * kappa, 2.0 * x * y * kappa
+    power = 0.5 / kappa + 1.0
+    for _ in range(12):
         r = np.tanh(t)
         r2 = 1.0 - r * r
-        rho[k] = r
-        q = (squares - r[:, None] * product) / r2[:, None]
-        profile[k] = own - 0.5 * np.log(r2) - power * np.log1p(q).mean(axis=1)
-    return _interpolate_profile(profile, rho)
+        column, column2 = r[:, None], r2[:, None]
+        q = (squares - column * product) / column2
+        q_r = (2.0 * column * q - product) / column2
+        q_rr = (2.0 * q + 4.0 * column * q_r) / column2
+        slope = r / r2 - power * np.mean(q_r / (1.0 + q), axis=1)
+        bend = (1.0 + r * r) / r2**2 - power * np.mean(q_rr / (1.0 + q) - (q_r / (1.0 + q)) ** 2, axis=1)
+        first, second = slope * r2, bend * r2**2 - 2.0 * r * r2 * slope
+        downward = second < 0.0
+        step = np.where(downward, np.clip(-first / np.where(downward, second, -1.0), -0.5, 0.5), np.sign(first) * 0.1)
+        t = np.clip(t + step, -4.9, 4.9)
+        if np.max(np.abs(step)) < 1e-9:
+            break
+    r = np.tanh(t)
+    own = elliptical.student_log_density(x, y, 0.0, 1.0 / kappa) + power * np.log1p(squares)
+    q = (squares - r[:, None] * product) / (1.0 - r * r)[:, None]
+    return own.mean(axis=1) - 0.5 * np.log(1.0 - r * r) - power * np.log1p(q).mean(axis=1), t
 
 
-def _interpolate_profile(profile, rho):
-    """The maximum over kappa = 1/nu of each column, by a parabola through the best grid value and its neighbours."""
+def _interpolated_maximum(profile, free):
+    """Where each column of the profile over _KAPPA_GRID peaks, and the other coordinate there: (kappa, t)."""
     best = np.argmax(profile, axis=0)
     middle = np.clip(best, 1, len(_KAPPA_GRID) - 2)
     column = np.arange(profile.shape[1])
     x = np.stack([_KAPPA_GRID[middle + s] for s in (-1, 0, 1)])
-    f = np.stack([profile[middle + s, column] for s in (-1, 0, 1)])
-    r = np.stack([rho[middle + s, column] for s in (-1, 0, 1)])
+    f, t = (np.stack([table[middle + s, column] for s in (-1, 0, 1)]) for table in (profile, free))
     first = (f[1] - f[0]) / (x[1] - x[0])
     second = ((f[2] - f[1]) / (x[2] - x[1]) - first) / (x[2] - x[0])
     with np.errstate(divide="ignore", invalid="ignore"):
         peak = 0.5 * (x[0] + x[1]) - first / (2.0 * second)
     inside = (second < 0.0) & (best == middle)
     kappa = np.where(inside, np.clip(peak, x[0], x[2]), _KAPPA_GRID[best])
-    lagrange = [
+    weights = [
         (kappa - x[(i + 1) % 3]) * (kappa - x[(i + 2) % 3]) / ((x[i] - x[(i + 1) % 3]) * (x[i] - x[(i + 2) % 3]))
         for i in range(3)
     ]
-    return np.stack([sum(w * value for w, value in zip(lagrange, r, strict=False)), 1.0 / kappa], axis=1)
-
-
-def _polish(kind: Family, u, v, start) -> np.ndarray:
-    """Tighten a two-parameter estimate with a general optimiser; one-parameter estimates are exact already."""
-    if len(start) == 1:
-        return start
-    bounds = [
-        np.sort([float(value) for value in pair])
-        for pair in zip(*(kind.to_free(*b) for b in zip(*kind.bounds, strict=False)), strict=False)
-    ]
-
-    def loss(free):
-        return -evaluate(kind, "logpdf", u, v, *kind.from_free(*np.clip(free, *np.array(bounds).T))).mean()
-
-    free = np.array([float(value) for value in kind.to_free(*start)])
-    simplex = np.vstack([free, free + [0.02, 0.0], free + [0.0, 0.01]])
-    options = {"xatol": 1e-9, "fatol": 1e-13, "maxiter": 400, "initial_simplex": simplex}
-    best = optimize.minimize(loss, free, method="Nelder-Mead", options=options).x
-    return np.array([float(value) for value in kind.from_free(*np.clip(best, *np.array(bounds).T))])
+    return kappa, sum(weight * value for weight, value in zip(weights, t, strict=True))
 
 
 def _free_spread(kind: Family, u, v, free: np.ndarray, ranks: bool) -> np.ndarray:

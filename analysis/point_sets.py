@@ -1,0 +1,77 @@
+"""Sets of points in the unit cube to start from, and an order in which every beginning is a fair set of its own."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+from scipy import stats
+
+
+def uniform_set(method: str, n: int, d: int, seed: int) -> np.ndarray:
+    """n points of the open unit cube, (n, d): `sobol` (scrambled), `lhs`, `mc` (random) or `lattice` (rank one, shifted)."""
+    if method == "lhs":
+        points = stats.qmc.LatinHypercube(d, seed=seed).random(n)
+    elif method == "mc":
+        points = np.random.default_rng(seed).random((n, d))
+    elif method == "lattice":
+        shift = np.random.default_rng(seed).random(d)
+        points = (np.arange(n)[:, None] * np.array(lattice_generator(n, d)) / n + shift) % 1.0
+    else:
+        points = stats.qmc.Sobol(d, seed=seed).random_base2(max(1, int(np.ceil(np.log2(n)))))[:n]
+    return np.clip(points, 2.0**-33, 1.0 - 2.0**-33)
+
+
+@functools.lru_cache(maxsize=64)
+def lattice_generator(n: int, d: int, trials: int = 400) -> tuple[int, ...]:
+    """The Korobov vector (1, a, a^2, ...) mod n with the smallest P_2 error among all a, or `trials` of them if n is large."""
+    candidates = [a for a in range(1, n) if np.gcd(a, n) == 1]
+    if len(candidates) > trials:
+        candidates = sorted(np.random.default_rng(0).choice(candidates, trials, replace=False).tolist())
+    k = np.arange(n)
+
+    def error(vector):
+        u = np.outer(k, vector) % n / n
+        return np.prod(1.0 + 2.0 * np.pi**2 * (u * u - u + 1.0 / 6.0), axis=1).mean()
+
+    vectors = [tuple(pow(a, j, n) for j in range(d)) for a in candidates]
+    return min(vectors, key=lambda vector: (round(error(vector), 12), vector))
+
+
+def fair_order(w: np.ndarray, probability: np.ndarray, first: int = 0) -> np.ndarray:
+    """An order (n,) of points w (n, d) of the unit cube in which every beginning stands for the whole weighted set.
+
+    Greedy (kernel herding): the next point is the one that brings the beginning, weighted by `probability`, nearest to the
+    whole set in the discrepancy of the kernel prod(1 + 4 min(s, t) (1 - max(s, t))).  The first `first` points stay in place.
+    """
+    kernel = _kernel(w)
+    target = kernel @ probability
+    chosen = list(range(first))
+    mass = probability[:first].sum()
+    field = kernel[:, :first] @ probability[:first]
+    own = np.diag(kernel)
+    free = np.ones(len(w), dtype=bool)
+    free[:first] = False
+    energy = probability[:first] @ field[:first]
+    overlap = probability[:first] @ target[:first]
+    while free.any():
+        total = mass + probability
+        square = energy + 2.0 * probability * field + probability**2 * own
+        distance = square / total**2 - 2.0 * (overlap + probability * target) / total
+        q = int(np.argmin(np.where(free, distance, np.inf)))
+        energy, overlap = square[q], overlap + probability[q] * target[q]
+        field, mass = field + probability[q] * kernel[q], total[q]
+        free[q] = False
+        chosen.append(q)
+    return np.array(chosen)
+
+
+def kernel_discrepancy(w: np.ndarray) -> float:
+    """Squared discrepancy of equally weighted points w (n, d) from uniform, in the kernel of fair_order."""
+    mean_field = np.prod(1.0 + 2.0 * w * (1.0 - w), axis=1)
+    return float(_kernel(w).mean() - 2.0 * mean_field.mean() + (4.0 / 3.0) ** w.shape[1])
+
+
+def _kernel(w: np.ndarray) -> np.ndarray:
+    low, high = np.minimum(w[:, None], w[None, :]), np.maximum(w[:, None], w[None, :])
+    return np.prod(1.0 + 4.0 * low * (1.0 - high), axis=2)
