@@ -51,7 +51,6 @@ def compress(p, history) -> None:
     O.dt = 0.5 * rve.rayleigh_step(p)
 
     def touched():
-        history()
         if rve.stress().trace() / 3.0 > TOUCH * p.sigma_3:
             O.pause()
 

@@ -80,7 +80,7 @@ def set_engines(p, calc_energy: bool = False) -> None:
     edge = O.cell.volume ** (1.0 / 3.0)
     O.engines = [
         ForceResetter(),
-        InsertionSortCollider([Bo1_Sphere_Aabb()], verletDist=-0.1, label="collider"),
+        InsertionSortCollider([Bo1_Sphere_Aabb()], verletDist=-0.05, label="collider"),
         InteractionLoop(
             [Ig2_Sphere_Sphere_ScGeom()],
             [Ip2_FrictMat_FrictMat_MindlinPhys()],
