@@ -44,6 +44,7 @@ def sections(results, figures, name) -> list[tuple[str, str]]:
         ("Void ratios, coordination, fabric", _pictures(figures, "fig08", "fig09", "fig10", "fig11", "fig12")),
         ("Stiffness and dilatancy", _pictures(figures, "fig13")),
         ("Joint densities", _pictures(figures, "fig14", "fig15")),
+        ("Where the scatter comes from", _sources(results)),
         ("The paper's claims, each with a number", _claims(claims)),
         ("Friction angles for design", _design(results)),
         ("How far every number can be trusted", _trust(results)),
@@ -165,6 +166,25 @@ def _peak_critical(results):
         frame.sort_values(["quantity", "state", "mu_iso"])[columns],
         "Peak and critical state: moments and "
         "range over the points, beside the range that the paper reads off its figures",
+    )
+
+
+def _sources(results):
+    frame = tables.variance_sources(results)
+    if not len(frame):
+        return webpage.paragraph("Too few runs for a response surface over the two properties.")
+    check = tables.monte_carlo_check(results)
+    check = check[check["quantity"].isin(["eta", "G_0"])]
+    columns = {f"{name} (MC)": [f"{webpage.number(a)} ({webpage.number(b)})" for a, b in
+                                zip(check[name], check[f"{name}, Monte Carlo"], strict=True)]
+               for name in ("mean", "sd", "5%", "95%")}  # fmt: skip
+    shown = check[["quantity", "state", "mu_iso"]].assign(**columns)
+    return (
+        webpage.paragraph(report_text.SOURCES)
+        + webpage.table(
+            frame.sort_values(["quantity", "state", "mu_iso"]), "Shares of the variance over the points", digits=2
+        )
+        + webpage.table(shown, "Points against Monte Carlo through the response surface (in brackets)")
     )
 
 

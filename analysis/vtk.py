@@ -2,7 +2,7 @@
 
     /usr/bin/python3 -m analysis.vtk runs/demo/products/shear_....h5 end vtk/
 
-In ParaView: particles.vtp with the Glyph filter (sphere, scaled by `diameter`), contacts.vtp with the Tube filter (radius
+In ParaView: particles.vtp with the Glyph filter (sphere, scaled by `diameter`), contacts.vtp with Tube (radius
 by `force`), cell.vtp as a wireframe.
 """
 

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
 import h5py
 import numpy as np
 import pytest
@@ -93,3 +98,15 @@ def test_wasserstein_of_a_shift_is_the_shift_and_agrees_with_scipy():
 def test_quantiles_of_points_are_exact_for_a_uniform_grid():
     values = (np.arange(200) + 0.5) / 200
     assert weighted.quantile(values, np.full(200, 1 / 200), [0.05, 0.5, 0.95]) == pytest.approx([0.05, 0.5, 0.95])
+
+
+def test_the_example_for_colleagues_runs_on_the_results_alone(tmp_path):
+    script = Path(__file__).resolve().parents[1] / "data" / "example_results.py"
+    path = shutil.copy(synthetic.example(), tmp_path / "results.h5")
+    done = subprocess.run(
+        [sys.executable, script, path, tmp_path / "x.png"], capture_output=True, text=True, check=True
+    )
+    points = synthetic.representative_points(5)
+    mean = synthetic.critical_eta(points["mu_s"]) @ points["probability"]
+    assert f"mu_iso = 0.1: eta at the end {mean:.2f}" in done.stdout
+    assert (tmp_path / "x.png").stat().st_size > 5000

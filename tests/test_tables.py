@@ -31,6 +31,8 @@ def test_every_promised_table_is_there_with_rows(written):
         "claims",
         "runs",
         "design",
+        "variance_sources",
+        "monte_carlo",
     }
     assert promised <= set(written[1])
     assert all(len(frame) for frame in written[1].values())

@@ -1,0 +1,61 @@
+"""Pooled points: shares of variance and Monte Carlo moments of responses that are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import synthetic_results as synthetic
+
+from analysis import pooling
+from analysis.joint import Joint
+from analysis.responses import build_results
+from analysis.results import read_results
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """Sixteen noise-free points at one density."""
+    folder = tmp_path_factory.mktemp("pooling")
+    points = synthetic.representative_points(16)
+    plan = synthetic.plan_rows(folder, points, densities=(0.04,))
+    for row in plan.itertuples():
+        synthetic.write_run(row, windows=40)
+    return read_results(build_results(folder, plan, points, synthetic.settings()))
+
+
+def test_each_response_follows_its_own_property(results):
+    frame = pooling.variance_sources(results).set_index(["state", "quantity"])
+    for state, symbol in (("critical", "e"), ("critical", "eta"), ("probe", "G_0")):
+        row = frame.loc[(state, symbol)]
+        mine, other = ("only G_p", "only mu_s") if symbol == "G_0" else ("only mu_s", "only G_p")
+        assert row[other] < 0.02 < 0.25 < row[mine] < 0.6
+        assert row["shared"] == pytest.approx(1 - row[mine] - row[other] - row["noise"], abs=1e-9)
+        assert row["noise"] < 0.01
+
+
+def test_monte_carlo_gives_the_moments_of_the_closed_form(results):
+    row = pooling.monte_carlo_check(results, power=14).set_index(["state", "quantity"]).loc[("probe", "G_0")]
+    joint = Joint.from_dict(results.inputs["joint"])
+    exact = 1e-6 * synthetic.stiffness(joint.sample(200_000, np.random.default_rng(1))[:, 1], 0.04)
+    assert row["mean, Monte Carlo"] == pytest.approx(exact.mean(), rel=0.02)
+    assert row["sd, Monte Carlo"] == pytest.approx(exact.std(), rel=0.07)
+    assert row["95%, Monte Carlo"] == pytest.approx(np.quantile(exact, 0.95), rel=0.02)
+    points = results.family_points()
+    stiffness = 1e-6 * synthetic.stiffness(points["G_p"].to_numpy(), 0.04)
+    assert row["mean"] == pytest.approx(stiffness @ points["probability"])
+
+
+def test_noise_is_found(tmp_path):
+    points = synthetic.representative_points(40)
+    plan = synthetic.plan_rows(tmp_path, points, densities=(0.04,))
+    plan = plan[plan["stage"] == "shear"]
+    for row in plan.itertuples():
+        synthetic.write_run(row, noise=0.1, windows=20)
+    results = read_results(build_results(tmp_path, plan, points, synthetic.settings()))
+    frame = pooling.variance_sources(results).set_index(["state", "quantity"])
+    exact = synthetic.critical_eta(points["mu_s"].to_numpy())
+    scatter = results.state("critical", "eta", 0.04) - exact
+    assert frame.loc[("critical", "eta"), "noise"] == pytest.approx(
+        scatter.var() / (scatter.var() + exact.var()), rel=0.5
+    )
+    assert frame.loc[("critical", "eta"), "noise"] > 0.1
