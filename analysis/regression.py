@@ -42,14 +42,8 @@ def best_polynomial(z, values, max_degree) -> dict:
 
 def least_squares(basis, values) -> dict:
     """Coefficients, their covariance for unit noise, noise and leave-one-out residuals for values (T, Q) on (Q, M)."""
-    rows, size = len(values), basis.shape[1]
-    out = dict(
-        coefficients=np.empty((rows, size)),
-        covariance=np.empty((rows, size, size)),
-        noise=np.empty(rows),
-        dof=np.empty(rows),
-        loo=np.full(values.shape, np.nan),
-    )
+    size = basis.shape[1]
+    out = _empty(values, size)
     for mask, at in masks(values):
         x, y = basis[mask], values[np.ix_(at, mask)]
         q, r = np.linalg.qr(x)
@@ -65,6 +59,12 @@ def least_squares(basis, values) -> dict:
     return out
 
 
+def _empty(values, size):
+    rows = len(values)
+    out = {"coefficients": np.zeros((rows, size)), "covariance": np.zeros((rows, size, size))}
+    return out | {"noise": np.empty(rows), "dof": np.empty(rows), "loo": np.full(values.shape, np.nan)}
+
+
 def masks(values):
     """The patterns of known values (Q,) and the strains (indices) each of them holds for."""
     patterns, which = np.unique(np.isfinite(values), axis=0, return_inverse=True)
@@ -77,7 +77,7 @@ def gp_basis(z, points, length) -> np.ndarray:
 
 
 def best_gp(z, values) -> dict:
-    """Universal kriging with a linear mean; lengths and noise ratio by the restricted likelihood pooled over strains."""
+    """Universal kriging with a linear mean; lengths and noise ratio by the restricted likelihood of all strains."""
     full = np.isfinite(values).all(axis=1)
     scatter = np.nanstd(values, axis=1)
     pick = np.flatnonzero(full & (scatter > 0))
@@ -114,14 +114,8 @@ def _restricted_likelihood(z, y, length, ratio):
 
 
 def _kriging(z, values, length, ratio):
-    rows, n = values.shape
-    out = dict(
-        coefficients=np.zeros((rows, n + 3)),
-        covariance=np.zeros((rows, n + 3, n + 3)),
-        noise=np.empty(rows),
-        dof=np.empty(rows),
-        loo=np.full(values.shape, np.nan),
-    )
+    n = values.shape[1]
+    out = _empty(values, n + 3)
     for mask, at in masks(values):
         x, y = z[mask], values[np.ix_(at, mask)]
         trend = np.concatenate([np.ones((len(x), 1)), x], axis=1)

@@ -17,8 +17,8 @@ import numpy as np
 class Sensitivity:
     """Shares of the variance at each strain, columns mu_s and G_p.
 
-    first (T, 2) first-order; alone (T, 2) independent total; shapley (T, 2), sums to one; shared (T,) = 1 - alone summed:
-    what either of them explains through the dependence (negative: they act only together); variance (T,).
+    first (T, 2) first-order; alone (T, 2) independent total; shapley (T, 2), sums to one; shared (T,) = 1 - the sum of
+    alone: what either of them explains through the dependence (negative: they act only together); variance (T,).
     """
 
     first: np.ndarray
@@ -31,8 +31,8 @@ class Sensitivity:
 def indices(samples, values, classes: int | None = None) -> Sensitivity:
     """Given-data estimate from samples (n, 2) of the joint inputs and the responses there (T, n), without noise.
 
-    Conditional means over `classes` equally filled classes of each input (by default n^(1/3), at most 64) with a straight
-    line inside each class.  Where a response does not vary, the shares are NaN.
+    Conditional means over `classes` equally filled classes of each input (by default n^(1/3), at most 64) with a
+    straight line inside each class.  Where a response does not vary, the shares are NaN.
     """
     samples, values = np.asarray(samples, float), np.atleast_2d(np.asarray(values, float))
     n = len(samples)

@@ -12,6 +12,8 @@ import numpy as np
 
 from analysis import regression
 
+MARGIN = 1.0  # standard deviations (of the log inputs) by which a surface is continued beyond the runs
+
 
 class SurrogateError(ValueError):
     """Data that no response surface can be fitted to."""
@@ -60,7 +62,7 @@ class Surrogate:
         return self.noise[:, None] * np.sqrt(np.maximum(spread, 0.0))
 
     def draws(self, n: int, rng) -> np.ndarray:
-        """Coefficients (n, T, M) that the data would also allow: normal, with a noise drawn from its own distribution."""
+        """Coefficients (n, T, M) that the data would also allow: normal, the noise drawn from its own distribution."""
         chi2 = rng.chisquare(self.dof, size=(n, len(self.dof)))
         scale = self.noise * np.sqrt(self.dof / chi2)
         root = np.stack([regression.root(c) for c in self.covariance])
@@ -71,9 +73,9 @@ class Surrogate:
 def fit(inputs, values, kind: str = "polynomial", max_degree: tuple[int, int] = (4, 2)) -> Surrogate:
     """Response surface through runs at the inputs (Q, 2) [mu_s, G_p in Pa] with the values (T, Q) or (Q,).
 
-    "polynomial": of all exponents up to `max_degree` the set with the least leave-one-out error, relative to the scatter
-    at each strain and pooled over the strains, is taken for all strains.  "gp": Gaussian process with a linear mean and
-    anisotropic squared-exponential kernel, hyperparameters by the likelihood pooled over strains.
+    "polynomial": of all exponents up to `max_degree` the set with the least leave-one-out error, relative to the
+    scatter at each strain and pooled over the strains, is taken for all strains.  "gp": Gaussian process with a linear
+    mean and anisotropic squared-exponential kernel, hyperparameters by the likelihood pooled over strains.
     Runs without a value (NaN) are left out of their strains.  Raises SurrogateError below 5 runs.
     """
     inputs, values = np.asarray(inputs, float), np.atleast_2d(np.asarray(values, float))
@@ -91,8 +93,7 @@ def fit(inputs, values, kind: str = "polynomial", max_degree: tuple[int, int] = 
     scale = np.where(scale > 1e-12 * np.abs(centre), scale, 1.0)
     z = (logs - centre) / scale
     best = regression.best_polynomial(z, values, max_degree) if kind == "polynomial" else regression.best_gp(z, values)
-    margin = 0.3
-    return Surrogate(kind, centre, scale, z.min(axis=0) - margin, z.max(axis=0) + margin, **best)
+    return Surrogate(kind, centre, scale, z.min(axis=0) - MARGIN, z.max(axis=0) + MARGIN, **best)
 
 
 def smoothed(inputs, values, **options) -> tuple[np.ndarray, np.ndarray, Surrogate]:

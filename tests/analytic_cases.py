@@ -10,7 +10,7 @@ MEDIAN = np.array([0.214, 25.7e9])  # medians of the paper's lognormals (Table 1
 SIGMA_LN = np.array([0.469, 0.354])
 RHO = -0.738  # Gaussian copula of mu_s and G_p (Table 2)
 
-# Trials of the whole test at mu_s = 0.065 ... 0.65 (spheres, dense start): stress ratio at the peak and the critical state.
+# Trials of the whole test on spheres, dense start: stress ratio at the peak and the critical state.
 TRIAL_MU_S = np.array([0.065, 0.10, 0.15, 0.25, 0.40, 0.65])
 TRIAL_PEAK = np.array([0.593, 0.703, 0.819, 0.956, 1.104, 1.311])
 TRIAL_CRITICAL = np.array([0.449, 0.523, 0.612, 0.671, 0.739, 0.787])

@@ -1,0 +1,126 @@
+"""When a campaign has runs enough: nested points, a claimed error after each batch, and the rest filled by regression.
+
+The error of a PDF is the Wasserstein-1 distance to the true one over the response's standard deviation.  It is estimated
+from the response surfaces that the runs made so far would also allow: their PDFs scatter about the fitted one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis import surrogate
+
+LEAST = 12  # runs a family before the rule may speak
+SAFETY = 1.15  # for what the draws don't know: that the terms of the surface were themselves chosen from the data
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """What a batch says: runs so far, the error asked for, claimed error and leave-one-out error (both over the standard
+    deviation) of every response, and whether all of them are good enough."""
+
+    runs: int
+    target: float
+    claimed: dict[str, float]
+    loo: dict[str, float]
+    reached: bool
+
+    def sentence(self) -> str:
+        """One line for a person."""
+        worst = max(self.claimed, key=self.claimed.get)
+        verdict = "reached" if self.reached else "not yet reached"
+        return f"{self.runs} points: {worst} within {self.claimed[worst]:.1%}, {self.target:.1%} asked, {verdict}"
+
+
+def assess(
+    inputs, responses: dict, samples, stop_when="2%", rng=None, confidence: float = 0.95, kind="polynomial"
+) -> Assessment:
+    """Judge the runs so far: inputs (Q, 2), responses {name: (Q,) or (T, Q)}, NaN where a run failed.
+
+    One set of terms serves all responses.  samples (n, 2) from the joint inputs, n >= 200 (Sobol' mapped through the joint distribution is best);
+    stop_when: "2%" or 0.02; the claimed error is 1.15 times the `confidence` quantile over 200 surfaces, the worst strain
+    of each response.  Below 12 usable runs nothing is claimed (infinity).
+    """
+    target = parse_target(stop_when)
+    rng = np.random.default_rng(0) if rng is None else rng
+    rows = {name: np.atleast_2d(np.asarray(values, float)) for name, values in responses.items()}
+    usable = {k: v for k, v in rows.items() if np.isfinite(v).sum(axis=1).min() >= LEAST}
+    claimed, loo = dict.fromkeys(rows, float("inf")), dict.fromkeys(rows, float("inf"))
+    if usable:
+        surface = surrogate.fit(inputs, np.concatenate(list(usable.values())), kind=kind)
+        errors, residuals = _claims(surface, samples, confidence, rng)
+        ends = np.cumsum([0, *(len(v) for v in usable.values())])
+        for name, begin, end in zip(usable, ends[:-1], ends[1:], strict=True):
+            claimed[name], loo[name] = float(errors[begin:end].max()), float(residuals[begin:end].max())
+    return Assessment(len(inputs), target, claimed, loo, max(claimed.values()) <= target)
+
+
+def parse_target(stop_when) -> float:
+    """0.02 from "2%" or 0.02; ValueError otherwise."""
+    try:
+        text = str(stop_when).strip()
+        value = float(text[:-1]) / 100 if text.endswith("%") else float(text)
+    except ValueError:
+        value = float("nan")
+    if not 0 < value < 1:
+        raise ValueError(f"stop_when = {stop_when!r}: expected a share such as '2%' or 0.02")
+    return value
+
+
+def nested_order(inputs) -> np.ndarray:
+    """Order (Q,) of given points (Q, 2) in which every beginning covers their range: the middle, then always the farthest.
+
+    Distances in the standardised logarithms of the inputs.
+    """
+    logs = np.log(np.asarray(inputs, float))
+    z = (logs - logs.mean(axis=0)) / np.maximum(logs.std(axis=0), 1e-12)
+    order = [int(np.argmin(np.sum(z**2, axis=1)))]
+    away = np.sum((z - z[order[0]]) ** 2, axis=1)
+    while len(order) < len(z):
+        order.append(int(np.argmax(away)))
+        away = np.minimum(away, np.sum((z - z[order[-1]]) ** 2, axis=1))
+        away[order] = -1.0
+    return np.array(order)
+
+
+def run_until(inputs, evaluate, samples, stop_when="2%", batch: int = 3, rng=None, **options) -> tuple[dict, list]:
+    """Go through the points (Q, 2) in their order until the claimed error is the one asked for, or none is left.
+
+    evaluate(indices) -> {name: (len(indices),) or (T, len(indices))} makes the runs of a batch.  Returns the responses of
+    the runs made, {name: (..., runs)}, and the Assessment after every batch.
+    """
+    done, history, begin = {}, [], 0
+    while begin < len(inputs):
+        end = min(len(inputs), begin + batch if begin else max(batch, LEAST))
+        new = evaluate(np.arange(begin, end))
+        done = {k: np.concatenate([done[k], v], axis=-1) if done else np.asarray(v) for k, v in new.items()}
+        history.append(assess(inputs[:end], done, samples, stop_when, rng, **options))
+        begin = end
+        if history[-1].reached:
+            break
+    return done, history
+
+
+def fill(inputs, values, **options) -> tuple[np.ndarray, np.ndarray]:
+    """Values (T, Q) with the missing ones taken from the response surface through the others, and where that is (T, Q)."""
+    values = np.atleast_2d(np.asarray(values, float))
+    missing = ~np.isfinite(values)
+    surface = surrogate.fit(inputs, values, **options)
+    return np.where(missing, surface.predict(inputs), values), missing
+
+
+def _claims(surface, samples, confidence, rng, draws: int = 200):
+    """Claimed error and leave-one-out error of every row of the surface, over the row's standard deviation."""
+    basis = surface.basis(samples)
+    allowed = surface.draws(draws, rng)
+    errors = np.zeros((2, len(surface.coefficients)))
+    for k, coefficients in enumerate(surface.coefficients):
+        fitted = np.sort(basis @ coefficients)
+        std = fitted.std()
+        if std > 0:
+            other = np.sort(allowed[:, k] @ basis.T, axis=1)
+            distance = np.mean(np.abs(other - fitted), axis=1)
+            errors[:, k] = SAFETY * np.quantile(distance, confidence) / std, surface.loo_error[k] / std
+    return errors
