@@ -15,7 +15,9 @@ def gf_discrepancy(x: np.ndarray, probability: np.ndarray, joint) -> np.ndarray:
 
 
 def star_discrepancy(u: np.ndarray, probability: np.ndarray) -> float:
-    """sup |weighted empirical distribution - uniform distribution| of points u (n,) in [0, 1] with their probabilities."""
+    """sup |weighted empirical distribution - uniform distribution| of points u (n,) in [0, 1] with their
+    probabilities.
+    """
     order = np.argsort(u, kind="stable")
     u, total = u[order], np.cumsum(probability[order])
     last = np.append(u[1:] > u[:-1], True)

@@ -1,4 +1,6 @@
-"""Does a copula fit?  The Cramer-von Mises distance of Rosenblatt's transform to independence, and its two references."""
+"""Does a copula fit?  The Cramer-von Mises distance of Rosenblatt's transform to independence, and its two
+references.
+"""
 
 from __future__ import annotations
 

@@ -73,7 +73,9 @@ class Joint:
         return self.from_uniforms(self.copula.inverse_rosenblatt(np.asarray(w, dtype=float)))
 
     def to_normal(self, x) -> np.ndarray:
-        """Points x (..., d) to independent standard normals z, the space in which representative points have their cells."""
+        """Points x (..., d) to independent standard normals z, the space in which representative points have their
+        cells.
+        """
         w = self.rosenblatt(x)
         tiny = 1e-300
         return normal_score(np.maximum(w, tiny), np.maximum(1.0 - w, tiny))
@@ -98,7 +100,9 @@ class Joint:
         return self.marginals[1].ppf(self._first_two().copula.inverse_rosenblatt(w)[..., 1])
 
     def expectation(self, function, nodes: int | None = None) -> np.ndarray:
-        """E[function(x)] by Gauss-Legendre quadrature over independent normals; function maps (m, d) to (m,) or (m, k)."""
+        """E[function(x)] by Gauss-Legendre quadrature over independent normals; function maps (m, d) to (m,) or (m,
+        k).
+        """
         nodes = nodes or {1: 400, 2: 200, 3: 48}.get(self.dimension, 16)
         t, weight = np.polynomial.legendre.leggauss(nodes)
         t, weight = _REACH * t, _REACH * weight * np.exp(-0.5 * (_REACH * t) ** 2) / np.sqrt(2.0 * np.pi)
@@ -179,7 +183,8 @@ def fit_joint(
 def bootstrap_joints(
     pairs: np.ndarray, n_boot: int, rng: np.random.Generator, joint: Joint | None = None
 ) -> list[Joint]:
-    """Joint distributions refitted to n_boot resamplings (with replacement) of the pairs (n, 2): the input's uncertainty.
+    """Joint distributions refitted to n_boot resamplings (with replacement) of the pairs (n, 2): the input's
+    uncertainty.
 
     Families are those of `joint`, or those that `fit_joint` picks for the pairs (by AIC alone) when it is None.
     """

@@ -21,9 +21,9 @@ _LARGEST_SIMULATION = 4_000_000
 class Marginal:
     """A distribution of one property, with the record of its fit (None where it was not fitted to data).
 
-    `params` and `se` are keyed by parameter name.  `ks_critical` is the 5 % value for known parameters, 1.358 / sqrt(n),
-    as the paper uses it; `ks_critical_fitted` and the two p-values account for the parameters having been fitted
-    (parametric bootstrap, Lilliefors 1967).
+    `params` and `se` are keyed by parameter name. `ks_critical` is the 5 % value for known parameters, 1.358 /
+    sqrt(n), as the paper uses it; `ks_critical_fitted` and the two p-values account for the parameters having been
+    fitted (parametric bootstrap, Lilliefors 1967).
     """
 
     family: str
@@ -147,7 +147,7 @@ def _checked(x, family: str) -> np.ndarray:
 
 
 def _statistics(kind, samples: np.ndarray, params: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Kolmogorov-Smirnov distance and Anderson-Darling statistic of each row of samples (R, n) to its own fit (R, k)."""
+    """Kolmogorov-Smirnov and Anderson-Darling statistics of each row of samples (R, n) to its own fit (R, k)."""
     x = np.sort(samples, axis=1)
     n = x.shape[1]
     columns = [params[:, [j]] for j in range(params.shape[1])]

@@ -9,7 +9,9 @@ from scipy import stats
 
 
 def uniform_set(method: str, n: int, d: int, seed: int) -> np.ndarray:
-    """n points of the open unit cube, (n, d): `sobol` (scrambled), `lhs`, `mc` (random) or `lattice` (rank one, shifted)."""
+    """n points of the open unit cube, (n, d): `sobol` (scrambled), `lhs`, `mc` (random) or `lattice` (rank one,
+    shifted).
+    """
     if method == "lhs":
         points = stats.qmc.LatinHypercube(d, seed=seed).random(n)
     elif method == "mc":
@@ -24,7 +26,9 @@ def uniform_set(method: str, n: int, d: int, seed: int) -> np.ndarray:
 
 @functools.lru_cache(maxsize=64)
 def lattice_generator(n: int, d: int, trials: int = 400) -> tuple[int, ...]:
-    """The Korobov vector (1, a, a^2, ...) mod n with the smallest P_2 error among all a, or `trials` of them if n is large."""
+    """The Korobov vector (1, a, a^2, ...) mod n with the smallest P_2 error among all a, or `trials` of them if n is
+    large.
+    """
     candidates = [a for a in range(1, n) if np.gcd(a, n) == 1]
     if len(candidates) > trials:
         candidates = sorted(np.random.default_rng(0).choice(candidates, trials, replace=False).tolist())
@@ -41,8 +45,9 @@ def lattice_generator(n: int, d: int, trials: int = 400) -> tuple[int, ...]:
 def fair_order(w: np.ndarray, probability: np.ndarray, first: int = 0) -> np.ndarray:
     """An order (n,) of points w (n, d) of the unit cube in which every beginning stands for the whole weighted set.
 
-    Greedy (kernel herding): the next point is the one that brings the beginning, weighted by `probability`, nearest to the
-    whole set in the discrepancy of the kernel prod(1 + 4 min(s, t) (1 - max(s, t))).  The first `first` points stay in place.
+    Greedy (kernel herding): the next point is the one that brings the beginning, weighted by `probability`, nearest
+    to the whole set in the discrepancy of the kernel prod(1 + 4 min(s, t) (1 - max(s, t))). The first `first` points
+    stay in place.
     """
     kernel = _kernel(w)
     target = kernel @ probability

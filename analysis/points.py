@@ -1,7 +1,7 @@
 """Representative points: few inputs with probabilities that stand for the whole joint distribution.
 
-Cells are Voronoi cells in the space of independent standard normals (Rosenblatt's map); cells in scaled (mu_s, G_p) would
-give other probabilities.
+Cells are Voronoi cells in the space of independent standard normals (Rosenblatt's map); cells in scaled (mu_s, G_p)
+would give other probabilities.
 """
 
 from __future__ import annotations
@@ -63,15 +63,16 @@ class RepresentativePoints:
 def select_points(
     joint: Joint, n: int, method: str = "gf", seed: int = 1, nested: bool = False
 ) -> RepresentativePoints:
-    """Choose n points with probabilities for a joint distribution; well under a second for n = 100, repeatable by its seed.
+    """Choose n points with probabilities for a joint distribution; well under a second for n = 100, repeatable by its
+    seed.
 
-    method `gf`: a rank-one lattice in the independent space, then rounds of exact Voronoi probabilities and rearrangement
-    in the *physical* marginals onto two-point rules that keep means and variances, a small shear for the correlation, and a
-    smallest change of the probabilities that makes means, variances and covariances exact.  Points come in an order in
-    which every beginning is a fair set.  `gf-published`: Sobol' points and rearrangement in the independent space (Chen,
-    Yang and Li 2016).  `sobol`, `lhs`, `mc`: equal probabilities.
-    `nested=True` (gf): the first n/2 points are select_points(joint, n/2, nested=True), and so on down to 40 points.
-    Raises PointsError for n < 8 or an unknown method.
+    method `gf`: a rank-one lattice in the independent space, then rounds of exact Voronoi probabilities and
+    rearrangement in the *physical* marginals onto two-point rules that keep means and variances, a small shear for
+    the correlation, and a smallest change of the probabilities that makes means, variances and covariances exact.
+    Points come in an order in which every beginning is a fair set. `gf-published`: Sobol' points and rearrangement
+    in the independent space (Chen, Yang and Li 2016). `sobol`, `lhs`, `mc`: equal probabilities. `nested=True` (gf):
+    the first n/2 points are select_points(joint, n/2, nested=True), and so on down to 40 points. Raises PointsError
+    for n < 8 or an unknown method.
     """
     if n < _SMALLEST:
         raise PointsError(f"n = {n} points cannot carry the moments of the inputs; need at least {_SMALLEST}")
@@ -90,7 +91,9 @@ def select_points(
 
 
 def double_points(points: RepresentativePoints, joint: Joint) -> RepresentativePoints:
-    """Twice as many points of which the first half are the given ones (with new probabilities): paid runs stay useful."""
+    """Twice as many points of which the first half are the given ones (with new probabilities): paid runs stay
+    useful.
+    """
     x, probability = _doubled(joint, points.x, points.seed)
     return _points(joint, x, probability, points.method, points.seed, True)
 
@@ -119,7 +122,9 @@ def normalised(probability: np.ndarray) -> np.ndarray:
 
 
 def _rearranged(joint: Joint, n: int, seed: int):
-    """Lattice, then rounds of Voronoi probabilities and rearrangement in the physical marginals, then the correlation."""
+    """Lattice, then rounds of Voronoi probabilities and rearrangement in the physical marginals, then the
+    correlation.
+    """
     x = joint.inverse_rosenblatt(uniform_set("lattice", n, joint.dimension, seed))
     x = gauss_rearranged(joint, x, np.full(n, 1.0 / n))
     for _ in range(_ROUNDS):
@@ -156,7 +161,9 @@ def _nested(joint: Joint, n: int, seed: int):
 
 
 def _doubled(joint: Joint, old: np.ndarray, seed: int, trials: int = 64):
-    """As many new points again: the shifted lattice that fills the old points' gaps best, moved to the free probability."""
+    """As many new points again: the shifted lattice that fills the old points' gaps best, moved to the free
+    probability.
+    """
     n = len(old)
     shifts = np.random.default_rng([seed, n]).integers(0, 2**32, trials)
     w_old = joint.rosenblatt(old)

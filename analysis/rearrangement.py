@@ -13,7 +13,8 @@ _LARGEST_RATIO = 2.0
 
 
 def middles(x: np.ndarray, probability: np.ndarray) -> np.ndarray:
-    """Probabilities (n, d) of the middles of the strata that points x carry in each coordinate, in the points' order."""
+    """Probabilities (n, d) of the middles of the strata that points x carry in each coordinate, in the points'
+    order."""
     order = np.argsort(x, axis=0, kind="stable")
     u = np.empty_like(x)
     np.put_along_axis(u, order, np.cumsum(probability[order], axis=0) - 0.5 * probability[order], axis=0)
@@ -21,11 +22,13 @@ def middles(x: np.ndarray, probability: np.ndarray) -> np.ndarray:
 
 
 def gauss_rearranged(joint, x: np.ndarray, probability: np.ndarray) -> np.ndarray:
-    """Points x (n, d) moved, coordinate by coordinate and keeping their order, onto composite two-point quadrature rules.
+    """Points x (n, d) moved, coordinate by coordinate and keeping their order, onto composite two-point quadrature
+    rules.
 
-    Neighbours in a coordinate share the probability of both; inside that block they sit at mean -+ sd (weighted by their
-    probabilities), so every block, and with it the marginal, keeps its mean and variance: points in the *middles* of their
-    strata lose 2-5 % of the standard deviation.  A jump of the distribution function is still about one probability.
+    Neighbours in a coordinate share the probability of both; inside that block they sit at mean -+ sd (weighted by
+    their probabilities), so every block, and with it the marginal, keeps its mean and variance: points in the
+    *middles* of their strata lose 2-5 % of the standard deviation. A jump of the distribution function is still
+    about one probability.
     """
     moved = np.empty_like(x)
     for i, marginal in enumerate(joint.marginals):
@@ -95,11 +98,13 @@ def sheared(joint, x: np.ndarray, probability: np.ndarray, widest: float = 0.15)
 
 
 def calibrated(joint, x: np.ndarray, probability: np.ndarray) -> np.ndarray:
-    """Positive weights near `probability` with exact means, variances and covariances, and marginals as right as can be.
+    """Positive weights near `probability` with exact means, variances and covariances, and marginals as right as can
+    be.
 
-    Minimises sum (P - P0)^2 / P0 / n + sum over points and marginals of (F_weighted - F)^2 subject to the moments (calibration,
-    Deville and Sarndal 1992), by its linear equations; weights that would fall below a twentieth of their P0 stay
-    there.  Where few points, or points far from the distribution, leave no such weights, the moments are matched softly.
+    Minimises sum (P - P0)^2 / P0 / n + sum over points and marginals of (F_weighted - F)^2 subject to the moments
+    (calibration, Deville and Sarndal 1992), by its linear equations; weights that would fall below a twentieth of
+    their P0 stay there. Where few points, or points far from the distribution, leave no such weights, the moments
+    are matched softly.
     """
     start = np.maximum(probability, 1e-3 * np.mean(probability))
     start = start / start.sum()
@@ -121,7 +126,9 @@ def calibrated(joint, x: np.ndarray, probability: np.ndarray) -> np.ndarray:
 
 
 def _constrained(hessian, slope, moments, softness: float, floor) -> np.ndarray | None:
-    """Solve the quadratic programme, fixing weights that hit the floor; None if the floor takes more than a third of them."""
+    """Solve the quadratic programme, fixing weights that hit the floor; None if the floor takes more than a third of
+    them.
+    """
     n, k = len(slope), len(moments)
     weights, fixed = np.empty(n), np.zeros(n, dtype=bool)
     for _ in range(50):

@@ -18,8 +18,8 @@ from scipy import optimize, special
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from analysis import copulas, marginals  # noqa: E402
-from analysis.inputs import read_pairs  # noqa: E402
+from analysis import copulas, marginals
+from analysis.inputs import read_pairs
 
 N = 94
 SEED = 2025
@@ -81,8 +81,8 @@ def is_gaussian_first(u: np.ndarray, v: np.ndarray) -> bool:
 def values(median: float, sigma_ln: float, ks: float, rng: np.random.Generator) -> np.ndarray:
     """Sorted values (N,) with this median and log standard deviation, at distance ks from their own lognormal.
 
-    A sorted normal sample is pushed down a little below its middle until the distance is the printed one: a push to that
-    side lengthens the upper tail, which keeps the lognormal the best of the families.
+    A sorted normal sample is pushed down a little below its middle until the distance is the printed one: a push to
+    that side lengthens the upper tail, which keeps the lognormal the best of the families.
     """
     sample = special.ndtri((np.arange(N) + rng.uniform(0.25, 0.75, N)) / N)
 
@@ -113,7 +113,8 @@ def report(pairs: np.ndarray) -> None:
         printed, aic = TABLE_2.get(one.family, ((), None))
         print(
             f"{one.family:13} published {str(printed):16} AIC {aic or '-':>7}   this set "
-            f"{np.round(one.parameters, 3)!s:17} AIC {one.aic:7.2f}  S {one.S:.3f}  p {one.p_bootstrap:.3f} ({one.p_paper:.2f})"
+            f"{np.round(one.parameters, 3)!s:17} AIC {one.aic:7.2f}  "
+            f"S {one.S:.3f}  p {one.p_bootstrap:.3f} ({one.p_paper:.2f})"
         )
 
 

@@ -1,4 +1,6 @@
-"""Copulas of two variables: families, fitting on ranks, tests of fit and selection; a Gaussian one for more variables."""
+"""Copulas of two variables: families, fitting on ranks, tests of fit and selection; a Gaussian one for more
+variables.
+"""
 
 from __future__ import annotations
 

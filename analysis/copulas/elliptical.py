@@ -78,8 +78,8 @@ _LEFT, _RIGHT, _WEIGHT = _nodes()
 def _orthant(x, y, rho, nu, lower_bound):
     """P(X <= x, Y <= y): the Frechet lower bound plus the integral over the correlation from -1 to rho (Plackett 1954).
 
-    With r = sin(theta), dP/dtheta = (1 + (x^2 + y^2 - 2 x y r) / (nu cos^2 theta))^(-nu/2) / (2 pi), and its exponential
-    limit for the Gaussian (nu = None): positive, so nothing cancels in the corners.
+    With r = sin(theta), dP/dtheta = (1 + (x^2 + y^2 - 2 x y r) / (nu cos^2 theta))^(-nu/2) / (2 pi), and its
+    exponential limit for the Gaussian (nu = None): positive, so nothing cancels in the corners.
     """
     x, y, rho, lower_bound = (
         np.asarray(a, dtype=float)[..., None] for a in np.broadcast_arrays(x, y, rho, lower_bound)

@@ -20,9 +20,10 @@ class CopulaError(ValueError):
 class Family:
     """One bivariate family, exchangeable in u and v unless it is a rotation by 90 or 270 degrees.
 
-    logpdf(u, uc, v, vc, *params), cdf(...) -> C, conditional(...) -> P(V <= v | U = u); inverse(u, uc, p, pc, *params) ->
-    (v, vc); tau(*params) and from_tau(tau) -> first parameter.  `to_free` and `from_free` map the parameters to unbounded
-    coordinates in which the likelihood is nearly quadratic; `sign` is 1 or -1 if tau can have only that sign, else 0.
+    logpdf(u, uc, v, vc, *params), cdf(...) -> C, conditional(...) -> P(V <= v | U = u); inverse(u, uc, p, pc,
+    *params) -> (v, vc); tau(*params) and from_tau(tau) -> first parameter. `to_free` and `from_free` map the
+    parameters to unbounded coordinates in which the likelihood is nearly quadratic; `sign` is 1 or -1 if tau can have
+    only that sign, else 0.
     """
 
     names: tuple[str, ...]

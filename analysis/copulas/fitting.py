@@ -19,9 +19,9 @@ _KAPPA_GRID = np.concatenate([[1.0 / elliptical.LARGEST_NU], np.linspace(0.02, 0
 class CopulaFit:
     """One family fitted to n pairs of pseudo-observations, and its test of fit once that has been made.
 
-    `loglik`, `aic` and `bic` are pseudo-likelihood values, since they are computed on ranks.  `se` and `interval` (95 %)
-    follow Genest, Ghoudi and Rivest (1995).  `S`, `p_paper` (against independent uniforms), `p_bootstrap` and `accepted`
-    (p_bootstrap > 0.05) are None until `select` fills them in.
+    `loglik`, `aic` and `bic` are pseudo-likelihood values, since they are computed on ranks. `se` and `interval` (95
+    %) follow Genest, Ghoudi and Rivest (1995). `S`, `p_paper` (against independent uniforms), `p_bootstrap` and
+    `accepted` (p_bootstrap > 0.05) are None until `select` fills them in.
     """
 
     family: str
@@ -74,7 +74,7 @@ def fit(x, y, family: str, ranks: bool = True) -> CopulaFit:
     if kind.sign * tau < 0.0:
         turned = "90 or 270" if kind.sign > 0 else "0 or 180"
         raise CopulaError(
-            f"{family}: the pairs have Kendall's tau = {tau:.3f}, which this copula cannot have; turn it by {turned} degrees"
+            f"{family}: Kendall's tau of the pairs is {tau:.3f}, which it cannot have; turn it by {turned} degrees"
         )
     if not kind.names:
         return CopulaFit(family, (), (), (), (), u.size, 0.0, 0.0, 0.0, 0.0)
@@ -140,7 +140,9 @@ def _maximise(function, grid: np.ndarray, limits: np.ndarray, rows: int) -> np.n
 
 
 def _student_rows(u, v):
-    """Profile over kappa = 1/nu on a grid, then a parabola through the best three; one row is finished to full precision."""
+    """Profile over kappa = 1/nu on a grid, then a parabola through the best three; one row is finished to full
+    precision.
+    """
     unique, index = np.unique(np.concatenate([u.ravel(), v.ravel()]), return_inverse=True)
     index = index.reshape(2, *u.shape)
     tau = np.array([stats.kendalltau(a, b)[0] for a, b in zip(u, v, strict=True)])
@@ -154,7 +156,10 @@ def _student_rows(u, v):
         best = int(np.argmax(profile[:, 0]))
         ends = _KAPPA_GRID[[max(best - 1, 0), min(best + 1, len(_KAPPA_GRID) - 1)]]
         finish = optimize.minimize_scalar(
-            lambda k: -_student_profile(unique, index, k, t)[0][0], bounds=ends, method="bounded", options={"xatol": 1e-9}
+            lambda k: -_student_profile(unique, index, k, t)[0][0],
+            bounds=ends,
+            method="bounded",
+            options={"xatol": 1e-9},
         )
         kappa = np.array([finish.x]) if -finish.fun >= profile[best, 0] else _KAPPA_GRID[[best]]
         t = _student_profile(unique, index, kappa[0], t)[1]

@@ -11,7 +11,7 @@ _SMALLEST_FRANK = 1e-5
 
 
 def _both_signs(function, negative, turn):
-    """Evaluate `function` for the non-negative branch and, where `negative` holds, with u and its complement swapped."""
+    """Evaluate `function` of the positive branch; where `negative` holds, with u and its complement swapped."""
 
     def wrapped(u, uc, v, vc, theta):
         flip = negative(theta)

@@ -109,7 +109,9 @@ def family_of(name: str) -> Family:
 
 
 def evaluate(kind: Family, name: str, u, v, *params):
-    """Call one function of a family on probabilities u, v, with complements added and the edges kept in the open square."""
+    """Call one function of a family on probabilities u, v, with complements added and the edges kept in the open
+    square.
+    """
     u, v = np.asarray(u, dtype=float), np.asarray(v, dtype=float)
     if np.any((u < 0.0) | (u > 1.0) | (v < 0.0) | (v > 1.0)):
         raise CopulaError("probabilities must lie in [0, 1]")

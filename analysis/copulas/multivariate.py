@@ -16,7 +16,7 @@ _TINY = 1e-300
 
 @dataclass(frozen=True)
 class GaussianCopula:
-    """A Gaussian copula with correlation matrix (d, d) of the normal scores; same calls as Copula on arrays (..., d)."""
+    """A Gaussian copula with correlation matrix (d, d) of the normal scores; calls as Copula on arrays (..., d)."""
 
     correlation: tuple[tuple[float, ...], ...]
 
@@ -70,7 +70,8 @@ class GaussianCopula:
 
 
 def fit_gaussian(x: np.ndarray) -> GaussianCopula:
-    """Fit the Gaussian copula to x (n, d): pairwise maximum pseudo-likelihood, then the nearest positive-definite matrix.
+    """Fit the Gaussian copula to x (n, d): pairwise maximum pseudo-likelihood, then the nearest positive-definite
+    matrix.
 
     Raises CopulaError for a constant column or non-finite values.
     """

@@ -1,4 +1,6 @@
-"""Choosing a copula: fit every candidate, test each by parametric bootstrap, take the smallest AIC among the accepted."""
+"""Choosing a copula: fit every candidate, test each by parametric bootstrap, take the smallest AIC among the
+accepted.
+"""
 
 from __future__ import annotations
 
@@ -26,8 +28,8 @@ def select(
 ) -> list[CopulaFit]:
     """Fit and test copulas on n pairs and return them best first: accepted ones by AIC, then rejected ones by AIC.
 
-    `families=None` takes every candidate whose sign fits the data; a bare `clayton`, `gumbel` or `joe` stands for its two
-    rotations of the right sign.  `n_boot=0` skips the tests and orders by AIC alone.  x, y (n,) are ranked first.
+    `families=None` takes every candidate whose sign fits the data; a bare `clayton`, `gumbel` or `joe` stands for its
+    two rotations of the right sign. `n_boot=0` skips the tests and orders by AIC alone. x, y (n,) are ranked first.
     """
     u, v = np.asarray(x, dtype=float).ravel(), np.asarray(y, dtype=float).ravel()
     rng = np.random.default_rng(1) if rng is None else rng
@@ -51,7 +53,8 @@ def choose(fits: list[CopulaFit]) -> tuple[CopulaFit, str]:
             f"{best.family}: smallest pseudo-AIC ({best.aic:.2f}) of the {count} families the bootstrap accepts",
         )
     return best, (
-        f"{best.family}: the bootstrap rejects all {len(fits)} families (largest p = {max(f.p_bootstrap for f in fits):.3f}); "
+        f"{best.family}: the bootstrap rejects all {len(fits)} families "
+        f"(largest p = {max(one.p_bootstrap for one in fits):.3f}); "
         f"the smallest pseudo-AIC ({best.aic:.2f}) is taken nevertheless"
     )
 

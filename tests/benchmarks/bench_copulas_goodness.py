@@ -2,8 +2,8 @@
 
     /usr/bin/python3 tests/benchmarks/bench_copulas_goodness.py        (about an hour; resumes where it stopped)
 
-Writes data/benchmarks/copulas_goodness.csv: a row for each family drawn from and family tested, n = 94, Kendall's tau of the
-paper's Gaussian copula.  `rejected_paper` is the test of the paper's Eq. 4 on the same samples.
+Writes data/benchmarks/copulas_goodness.csv: a row for each family drawn from and family tested, n = 94, Kendall's tau
+of the paper's Gaussian copula. `rejected_paper` is the test of the paper's Eq. 4 on the same samples.
 """
 
 from __future__ import annotations

@@ -1,9 +1,11 @@
-"""Does maximum pseudo-likelihood find the parameter again?  Bias, scatter and coverage of the 95 % interval, per family.
+"""Does maximum pseudo-likelihood find the parameter again?  Bias, scatter and coverage of the 95 % interval, per
+family.
 
     /usr/bin/python3 tests/benchmarks/bench_copulas_recovery.py        (about half an hour; resumes where it stopped)
 
 Writes data/benchmarks/copulas_recovery.csv: a row for each family, sample size and parameter.
-`bias_over_sd` is the mean error over the standard deviation of the estimates, on the scale on which the interval is made.
+`bias_over_sd` is the mean error over the standard deviation of the estimates, on the scale on which the interval is
+made.
 """
 
 from __future__ import annotations
