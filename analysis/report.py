@@ -81,31 +81,22 @@ def _head(results, claims, name):
 
 
 def _inputs(results, figures):
-    parts = [webpage.paragraph(report_text.source(results))]
-    parts.append(_pictures(figures, "fig02"))
-    marginals = tables.marginals(results)
-    wanted = ["property", "family", "parameters", "aic", "ks", "ks_critical", "ks_critical_fitted"]
-    if len(marginals):
-        parts.append(
-            webpage.table(
-                marginals[[c for c in wanted if c in marginals]],
-                "Table 1. Marginal distributions, smallest AIC first",
-                stack=True,
-            )
-        )
-        parts.append(webpage.paragraph(report_text.marginals_against_paper(results)))
-    copulas = tables.copulas(results)
-    wanted = ["family", "parameters", "aic", "tau", "S", "p_paper", "p_bootstrap", "accepted"]
-    if len(copulas):
-        parts.append(
-            webpage.table(
-                copulas[[c for c in wanted if c in copulas]],
-                "Table 2. Copulas: pseudo-AIC on ranks, Cramér–von Mises distance S and its p-values",
-                stack=True,
-            )
-        )
-        parts.append(webpage.paragraph(report_text.copulas_against_paper(results)))
+    one = "Table 1. Marginal distributions, smallest AIC first"
+    two = "Table 2. Copulas: pseudo-AIC on ranks, Cramér–von Mises distance S and its p-values"
+    of_marginals = ("property", "family", "parameters", "aic", "ks", "ks_critical", "ks_critical_fitted")
+    of_copulas = ("family", "parameters", "aic", "tau", "S", "p_paper", "p_bootstrap", "accepted")
+    parts = [webpage.paragraph(report_text.source(results)), _pictures(figures, "fig02")]
+    parts += _fits(tables.marginals(results), of_marginals, one, report_text.marginals_against_paper, results)
+    parts += _fits(tables.copulas(results), of_copulas, two, report_text.copulas_against_paper, results)
     return "".join(parts)
+
+
+def _fits(frame, columns, caption, compare, results):
+    """A table of fits and the sentence that compares it with the paper's; nothing if nothing was fitted."""
+    if not len(frame):
+        return []
+    shown = frame[[name for name in columns if name in frame]]
+    return [webpage.table(shown, caption, stack=True), webpage.paragraph(compare(results))]
 
 
 def _points(results, figures):

@@ -37,9 +37,9 @@ CAPTIONS = {
 
 
 SOURCES = (
-    "Interparticle friction and shear modulus depend on each other, so most of what one tells the other tells too. The "
-    "table splits each variance into what only one of them adds once the other is known, what either explains (shared), "
-    "and what a smooth response surface over both leaves over (noise of the packing). Beside it, the moments of the "
+    "Interparticle friction and shear modulus depend on each other, so most of what one tells the other tells too. "
+    "The table splits each variance into what only one of them adds once the other is known, what either explains "
+    "(shared), and what a smooth response surface over both leaves over (noise of the packing). Beside it, the moments of the "
     "points against Monte Carlo samples through that surface, which has no noise in it."
 )
 
