@@ -60,11 +60,11 @@ def test_smooth_curve_keeps_its_peak(at):
 def test_noise_neither_lifts_the_peak_nor_hides_in_its_error():
     rng = np.random.default_rng(2)
     true = curve(np.linspace(0, 0.4, 40001)).max()
-    found = [triaxial.peak_state(STRAIN, curve(STRAIN) + 0.02 * rng.normal(size=401)) for _ in range(100)]
+    found = [triaxial.peak_state(STRAIN, curve(STRAIN) + 0.02 * rng.normal(size=401)) for _ in range(40)]
     eta = np.array([peak.eta for peak in found])
     assert eta.mean() == pytest.approx(true, rel=0.005)
     assert np.max(curve(STRAIN) + 0.02 * rng.normal(size=401)) > 1.02 * true  # what the plain maximum would say
-    assert np.mean([peak.eta_error for peak in found]) == pytest.approx(eta.std(), rel=0.3)
+    assert np.mean([peak.eta_error for peak in found]) == pytest.approx(eta.std(), rel=0.4)
 
 
 def test_smoothing_leaves_parabolas_alone_and_takes_tensors():
