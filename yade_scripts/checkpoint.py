@@ -13,8 +13,10 @@ from pathlib import Path
 
 from yade.wrapper import Omega
 
+from yade_scripts import rve
 from yade_scripts.product import load_scene, saved_scene, script_digest
 from yade_scripts.record import Windows
+from yade_scripts.start import INHERITED
 
 O = Omega()  # noqa: E741  YADE's own name for its scene
 
@@ -39,7 +41,7 @@ class Checkpoint:
             "steps": O.iter + self.product.steps_before,
             "seconds": time.process_time() + self.product.seconds_before,
             "resumed": self.product.resumed,
-            "inherited": dict(vars(self.p).items()),
+            "inherited": {name: getattr(self.p, name) for name in INHERITED},
         }
         part = self.path.with_name(f".{self.path.name}.{os.getpid()}.part")
         part.write_bytes(pickle.dumps(data))
@@ -54,11 +56,11 @@ class Checkpoint:
             return None
         if data["identity"] != self._identity():
             return None
-        identity = vars(self.p).copy()
         vars(self.p).update(data["inherited"])
-        vars(self.p).update(identity)
         load_scene(data["scene"])
         O.resetTime()
+        rve.engine("watch").dead = True
+        O.run(1, True)  # the contact law knows its scene only after a step
         windows = Windows(self.p)
         windows.restore(data["windows"])
         product = self.product
