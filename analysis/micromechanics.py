@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.grading import active_grading_index, grading_index, stress_grading_index
-from analysis.runfile import Snapshot
+from analysis.runfile import Snapshot, SnapshotError
 
 Z_AXIS = (0.0, 0.0, 1.0)
 
@@ -22,12 +22,15 @@ def snapshot_metrics(s: Snapshot, mu_s: float | None = None, axis: tuple[float, 
 
     `axis` is the direction of sigma_1.  The sliding fraction needs the friction coefficient mu_s.
     Void ratios count the spheres' full volumes, as the running record does; see `overlap_volume`.
+    Raises SnapshotError if the contacts bear no pressure.
     """
     n, ids, radius = s.N, s.contact_ids, s.radius
     count = contact_count(n, ids)
     c = coordination(count)
     sigma = love_stress(s.branch, s.force, s.volume)
     p, q = mean_and_deviator(sigma, axis)
+    if not p > 0.0:
+        raise SnapshotError(f"{s.where}: the mean stress p' = {p:.3g} Pa is not positive, so q / p' has no value")
     Phi = fabric(s.normal)
     d = 2.0 * radius
     metrics = {

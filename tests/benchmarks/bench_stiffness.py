@@ -4,8 +4,8 @@
 
 Writes data/benchmarks/stiffness.csv, a row per density and particle modulus: probes with strains of 1e-5 and 1e-6 (both
 signs), network solve, effective medium, all on the packing at rest with mu_s = 0.25; and stiffness_exponents.csv: the
-exponents of G_0 over G_p and p'.  "frozen" rescales the springs of one contact network, "probed" lets each packing come
-to rest with its own modulus, which changes the network.
+exponents of G_0 over G_p and p'.  "frozen" ones rescale the springs of one contact network; the others compare packings
+that came to rest with their own modulus, which changes the network: softer grains have more contacts.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def main() -> None:
     table = pd.DataFrame(rows)
     worst = table.loc[(table.network_over_probe_1e6 - 1.0).abs().idxmax()]
     print(f"network over probe at 1e-6: worst {worst.network_over_probe_1e6:.4f} at mu_iso = {worst.mu_iso}")
-    found = pd.concat([pd.DataFrame(exponents(mu_iso, part)) for mu_iso, part in table.groupby("mu_iso")])
+    found = pd.DataFrame([{"mu_iso": mu, **probed_exponents(part)} for mu, part in table.groupby("mu_iso")])
     found.to_csv(EXPONENTS, index=False, float_format="%.6g")
     print(found.to_string(index=False))
 
@@ -71,30 +71,27 @@ def measure(mu_iso: float, G_p: float) -> dict[str, float]:
         "G_0_medium": medium[0], "K_0_medium": medium[1],
         "network_over_probe_1e5": network.G_0 / probe["G_0"], "network_over_probe_1e6": network.G_0 / fine["G_0"],
         "network_over_probe_K_1e6": network.K_0 / fine["K_0"],
-    }  # fmt: skip
+    } | frozen_exponents(s)  # fmt: skip
 
 
-def exponents(mu_iso: float, part: pd.DataFrame) -> list[dict[str, float]]:
-    """Slopes of ln G_0 over ln G_p and ln p', and of ln Z over ln G_p, at one density."""
-
-    def slope(x, y):
-        return float(np.polyfit(np.log(x), np.log(y), 1)[0])
-
-    s = read_snapshot(rest(mu_iso, 25.7e9), "start")
-    factors = np.array([0.5, 1.0, 2.0])
+def frozen_exponents(s: Snapshot) -> dict[str, float]:
+    """Slopes of ln G_0 over ln G_p and over ln p' when the springs of one network follow Hertz's law."""
+    factors = (0.5, 1.0, 2.0)
     modulus = [network_moduli(stiffened(s, f, 1.0)).G_0 for f in factors]
     pressed = [network_moduli(stiffened(s, 1.0, f)).G_0 for f in factors]
-    return [
-        {"mu_iso": mu_iso, "quantity": "G_0 over G_p", "how": "frozen", "exponent": slope(factors, modulus)},
-        {"mu_iso": mu_iso, "quantity": "G_0 over p'", "how": "frozen", "exponent": slope(factors, pressed)},
-        {
-            "mu_iso": mu_iso,
-            "quantity": "G_0 over G_p",
-            "how": "probed",
-            "exponent": slope(part.G_p, part.G_0_probe_1e6),
-        },
-        {"mu_iso": mu_iso, "quantity": "Z over G_p", "how": "probed", "exponent": slope(part.G_p, part.Z)},
-    ]
+    return {"frozen_exponent_G_p": slope(factors, modulus), "frozen_exponent_p": slope(factors, pressed)}
+
+
+def probed_exponents(part: pd.DataFrame) -> dict[str, float]:
+    """Slopes over ln G_p of what was measured on packings that came to rest with their own modulus, at one density."""
+    names = ("G_0_probe_1e6", "G_0_network", "Z")
+    return {f"{name}_over_G_p": slope(part.G_p, part[name]) for name in names} | {
+        name: part[name].iloc[(part.G_p - 25.7e9).abs().argmin()] for name in part.columns if name.startswith("frozen")
+    }
+
+
+def slope(x, y) -> float:
+    return float(np.polyfit(np.log(x), np.log(y), 1)[0])
 
 
 def stiffened(s: Snapshot, modulus: float, pressure: float) -> Snapshot:
