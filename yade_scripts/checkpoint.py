@@ -41,7 +41,7 @@ class Checkpoint:
             "steps": O.iter + self.product.steps_before,
             "seconds": time.process_time() + self.product.seconds_before,
             "resumed": self.product.resumed,
-            "inherited": {name: getattr(self.p, name) for name in INHERITED},
+            "inherited": {name: getattr(self.p, name) for name in INHERITED if hasattr(self.p, name)},
         }
         part = self.path.with_name(f".{self.path.name}.{os.getpid()}.part")
         part.write_bytes(pickle.dumps(data))

@@ -16,7 +16,7 @@ from minieigenHP import Matrix3, Vector3
 
 from analysis.assembly import read_assembly
 from yade_scripts import equilibrium, rve
-from yade_scripts.material import swap, target
+from yade_scripts.material import grading_width, swap, target
 from yade_scripts.product import saved_scene
 from yade_scripts.record import History, snapshot
 from yade_scripts.rve import O
@@ -31,7 +31,7 @@ def protocol(p, product) -> None:
     """Compress at a constant rate, ramp the stress up to sigma_3, hold until equilibrium is proven."""
     rve.build(read_assembly(p.assembly), p)
     swap(*target(p, p.mu_iso), p.nu, p.rho)
-    p.N = len(O.bodies)
+    p.N, p.sigma_ln = len(O.bodies), grading_width()
     rve.engine("newton").damping = DAMPING
     history = History(p)
     compress(p, history)

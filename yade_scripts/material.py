@@ -70,6 +70,13 @@ def solid_volume() -> float:
     return float(np.sum(4.0 / 3.0 * np.pi * radii() ** 3))
 
 
+def grading_width() -> float:
+    """Standard deviation of ln d by mass, of the grains as they are."""
+    mass, x = radii() ** 3, np.log(radii())
+    mean = np.average(x, weights=mass)
+    return float(np.sqrt(np.average((x - mean) ** 2, weights=mass)))
+
+
 def radii() -> np.ndarray:
     """Radii (N,) in m, in the order of the grains' numbers."""
     return np.array([b.shape.radius for b in O.bodies])

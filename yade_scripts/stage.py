@@ -42,6 +42,7 @@ COMMON = {
     "stiffness_scale": 1.0,
     "density_scaling": 0,
     "heterogeneity": "specimen",
+    "grains": "",
     "inertial_number": 2e-3,
     "strain_end": 0.40,
     "windows": "default",
@@ -111,6 +112,10 @@ def check(p) -> None:
         value = getattr(p, name)
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
             raise ProofError(f"{name} = {value!r} is outside [{low:g}, {high:g}]")
+    if p.heterogeneity not in ("specimen", "grain") or (p.heterogeneity == "grain" and not p.grains):
+        raise ProofError(
+            f"heterogeneity = {p.heterogeneity!r} with grains = {p.grains!r}: want 'specimen', or 'grain' and a file"
+        )
 
 
 def fail(p, reason: str) -> None:

@@ -1,0 +1,160 @@
+"""The three stages in a real YADE, on a packing small enough for a test: what they prove, repeat and refuse."""
+
+import json
+import re
+import shutil
+
+import h5py
+import numpy as np
+import pytest
+import yade_runs
+
+from analysis import micromechanics
+from analysis.assembly import make_assembly, write_assembly
+from analysis.runfile import read_run, read_snapshot
+from analysis.triaxial import stress_ratio
+
+pytestmark = pytest.mark.yade
+MU_S, G_P = 0.3, 20e9
+SHEAR = {
+    "start": "probe.h5",
+    "mu_s": MU_S,
+    "G_p": G_P,
+    "inertial_number": 2.4e-3,
+    "timestep_factor": 1.0,
+    "strain_end": 0.02,
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder in which the chain consolidate, probe, shear has run, 100 spheres, to 2 % strain."""
+    path = tmp_path_factory.mktemp("stages")
+    write_assembly(path / "assembly.h5", make_assembly(100, 0.248e-3, 0.174, seed=3))
+    for name, row in (
+        ("consolidate", {"assembly": "assembly.h5", "mu_iso": 0.04, "G_p": 25.7e9}),
+        ("probe", {"start": "consolidate.h5", "mu_s": MU_S, "G_p": G_P}),
+        ("shear", SHEAR | {"snapshots": "0.01"}),
+    ):
+        done = yade_runs.stage(name, path, description=name, **row)
+        assert done.returncode == 0, done.stdout + done.stderr
+    return path
+
+
+def test_consolidation_is_in_equilibrium_at_the_stress_asked_for(folder):
+    run = read_run(folder / "consolidate.h5")
+    assert run.proofs["stress_error"] < 0.005 and run.proofs["F_unb"] < 1e-3 and run.proofs["overshoot"] < 0.02
+    np.testing.assert_allclose(np.diag(run.record["sigma"][-1]), 100e3, rtol=0.005)
+    assert run.parameters["mu_iso"] == 0.04 and run.parameters["N"] == 100
+
+
+def test_swap_reached_material_and_contacts(folder):
+    """The shear run's contacts carry the friction and stiffness of its own point, not of the consolidation."""
+    snapshot = read_snapshot(folder / "shear.h5", -1)
+    radius, ids = snapshot.radius, snapshot.contact_ids
+    R = radius[ids].prod(axis=1) / radius[ids].sum(axis=1)
+    mindlin = 8.0 * G_P / (2.0 * (2.0 - 0.2)) * np.sqrt(R * snapshot.overlap)
+    np.testing.assert_allclose(snapshot.k_t, mindlin, rtol=1e-9)
+    mobilised = np.linalg.norm(snapshot.f_t, axis=1) / np.linalg.norm(snapshot.f_n, axis=1)
+    assert mobilised.max() == pytest.approx(MU_S, rel=1e-9)
+
+
+def test_record_agrees_with_the_snapshots(folder):
+    """What the run recorded in YADE is what `analysis` computes from the particles alone."""
+    run = read_run(folder / "shear.h5")
+    start = micromechanics.snapshot_metrics(read_snapshot(run, 0))
+    for symbol in ("e", "e_m", "Z", "Z_m"):
+        assert run.record[symbol][0] == pytest.approx(start[symbol], rel=1e-10), symbol
+    np.testing.assert_allclose(run.record["Phi"][0], start["Phi"], rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(run.record["sigma"][0], 0.5 * (start["sigma"] + start["sigma"].T), rtol=1e-9, atol=1e-3)
+
+
+def test_shear_proves_servo_rate_and_energy(folder):
+    run = read_run(folder / "shear.h5")
+    late = run.record["eps_a"] > 0.01
+    assert np.abs(run.record["servo_mean"][late]).max() < 0.01
+    assert run.record["servo_max"][late].max() < 0.05
+    assert run.record["I"].max() < 2.5e-3
+    assert run.proofs["energy_error"] < 0.005
+    eta = stress_ratio(run.record["sigma"])
+    assert abs(eta[0]) < 0.01 and 0.4 < eta[-1] < 1.4
+    np.testing.assert_allclose(run.record["eps_a"][-1], 0.02, atol=0.002)
+
+
+def test_probe_is_linear_and_stiffer_than_the_shear_record(folder):
+    probe = read_run(folder / "probe.h5").probe
+    assert probe["G_0"] == pytest.approx(probe["G_0_minus"], rel=0.05)
+    assert 80e6 < probe["G_0"] < 250e6 and 100e6 < probe["K_0"] < 250e6
+
+
+def test_the_same_run_twice_is_bit_identical(folder):
+    assert yade_runs.stage("shear", folder, description="again", **SHEAR | {"snapshots": "0.01"}).returncode == 0
+    first, second = read_run(folder / "shear.h5"), read_run(folder / "again.h5")
+    for symbol, values in first.record.items():
+        assert np.array_equal(values, second.record[symbol]), symbol
+    assert np.array_equal(read_snapshot(first, -1).position, read_snapshot(second, -1).position)
+
+
+def test_response_depends_on_stiffness_over_stress_alone(folder):
+    """(4 G_p, 4 sigma_3) repeats (G_p, sigma_3) in its own units; a factor of four keeps every rounding."""
+    row = {"mu_s": 0.2, "G_p": 25.7e9, "start": "consolidate.h5", "inertial_number": 2.4e-3, "strain_end": 0.004}
+    grown = row | {"start": "grown.h5", "G_p": 4 * 25.7e9, "sigma_3": 400e3}
+    first = {"assembly": "assembly.h5", "mu_iso": 0.04, "G_p": 4 * 25.7e9, "sigma_3": 400e3}
+    assert yade_runs.stage("consolidate", folder, description="grown", **first).returncode == 0
+    for name, values in (("one", row), ("four", grown)):
+        done = yade_runs.stage("shear", folder, description=name, **values)
+        assert done.returncode == 0, done.stderr
+    one, four = read_run(folder / "one.h5").record, read_run(folder / "four.h5").record
+    np.testing.assert_allclose(four["sigma"], 4.0 * one["sigma"], rtol=1e-6, atol=1.0)
+    for symbol in ("e", "Z", "Z_m", "e_m", "I"):
+        np.testing.assert_allclose(four[symbol], one[symbol], rtol=1e-6, err_msg=symbol)
+
+
+def test_a_killed_run_goes_on_from_its_checkpoint(folder):
+    """SIGKILL after the first checkpoint; the second start ends it with a gapless record and says so."""
+    row = SHEAR | {"description": "killed", "checkpoint_seconds": 1.0, "strain_end": 0.03}
+    yade_runs.stage_killed_when("shear", folder, folder / "killed.checkpoint", **row)
+    assert not (folder / "killed.h5").exists() and (folder / "killed.checkpoint").exists()
+    done = yade_runs.stage("shear", folder, **row)
+    assert done.returncode == 0, done.stderr
+    run = read_run(folder / "killed.h5")
+    assert run.attrs["resumed"] == 1 and not (folder / "killed.checkpoint").exists()
+    assert np.all(np.diff(run.record["eps_a"]) > 0) and run.proofs["energy_error"] < 0.005
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"timestep_factor": 3.0}, "blow-up|energy|servo|equilibrium"),
+        ({"inertial_number": 0.05}, "servo|quasi-static"),
+        ({"mu_s": -0.1}, r"mu_s = -0\.1 is outside"),
+        ({"mu_s": float("nan")}, "mu_s = nan is outside"),
+        ({"start": "nowhere.h5"}, "nowhere.h5"),
+    ],
+)
+def test_a_run_that_cannot_be_right_says_why(folder, change, words):
+    name = "refused_" + "_".join(change)
+    row = SHEAR | change
+    done = yade_runs.stage("shear", folder, description=name, **row)
+    assert done.returncode == 1
+    assert not (folder / f"{name}.h5").exists()
+    reason = json.loads((folder / f"{name}.failed.json").read_text())["reason"]
+    assert re.search(words, reason), reason
+    assert "\n" not in reason
+
+
+def test_a_truncated_start_is_refused_in_one_line(folder):
+    shutil.copy(folder / "probe.h5", folder / "cut.h5")
+    with open(folder / "cut.h5", "r+b") as file:
+        file.truncate(20_000)
+    done = yade_runs.stage("shear", folder, description="from_cut", **SHEAR | {"start": "cut.h5"})
+    assert done.returncode == 1 and "cut.h5" in json.loads((folder / "from_cut.failed.json").read_text())["reason"]
+
+
+def test_product_carries_the_parameters_as_used(folder):
+    with h5py.File(folder / "shear.h5") as file:
+        used = dict(file["parameters"].attrs)
+        assert file.attrs["complete"] and file.attrs["exit_reason"] == "strain_end"
+        assert len(file.attrs["script_digest"]) == 64
+    assert (used["mu_s"], used["G_p"], used["start"]) == (MU_S, G_P, "probe.h5")
+    assert used["mu_iso"] == 0.04 and used["strain_end"] == 0.02
