@@ -15,7 +15,7 @@ from pathlib import Path
 
 from campaign.config import ROOT, Config
 from campaign.plan import STAGES, Row, script, table_line, table_path
-from campaign.products import State, look, set_aside, write_blocked, write_failure
+from campaign.products import State, is_locked, look, set_aside, write_blocked, write_failure
 from campaign.row import closed_doors, die_with_parent
 from campaign.status import Progress, bar, jobs, span
 
@@ -95,9 +95,11 @@ def _check_machine(folder: Path, missing: list[Row], config: Config) -> None:
 
 
 def _sweep(folder: Path) -> None:
-    """Remove what killed runs left half-written (the lock is ours, so nobody writes)."""
-    for part in (folder / "products").glob(".*.part"):
-        part.unlink(missing_ok=True)
+    """Remove what killed runs left half-written, but not what a run outside (by hand, in SLURM) is writing."""
+    for path in [*(folder / "products").glob(".*.part"), *(folder / "products").glob(".*.lock")]:
+        run_id = path.name[1:].split(".h5")[0].removesuffix(".lock")
+        if not is_locked(path.with_name(f".{run_id}.lock")):
+            path.unlink(missing_ok=True)
 
 
 def _run_stage(config: Config, folder: Path, stage: str, rows: list[Row], wanted: set[str], watch: _Watch) -> None:

@@ -136,7 +136,7 @@ def predicted_steps(stage: str, values: dict) -> float:
     step = values["timestep_factor"] / 0.8
     if stage == "shear":
         return 8.0 * values["strain_end"] / values["inertial_number"] * stiff / step
-    return {"consolidate": 600.0, "probe": 100.0}[stage] * stiff / step
+    return {"consolidate": 850.0, "probe": 350.0}[stage] * stiff / step
 
 
 def predicted_cost(rows: list[Row]) -> dict[str, dict]:
