@@ -1,7 +1,7 @@
 """How sure a PDF and its moments are: bands from packing noise, from the response surface and from the measured pairs.
 
-A draw is one campaign that could have happened as well: a response surface drawn from what the runs allow (leave-one-out
-regression, or the scatter of replicate packings), under inputs refitted to a bootstrap sample of the pairs.
+A draw is one campaign that could have happened as well: a response surface drawn from what the runs allow (regression,
+or the scatter of replicate packings), under inputs refitted to a bootstrap sample of the pairs.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ def moment_bands(surface, samples, bootstrap, rng, level: float = 0.95, noise=No
     """Bands of mean and standard deviation from a Surrogate, the fitted inputs and their bootstrap.
 
     samples (n, 2) from the fitted joint distribution; bootstrap (B, n, 2), one sample from each refitted one, B >= 50
-    (common random numbers reduce scatter); noise (T,): standard deviation of a run from replicates, used in place of the
-    regression's.  The standard deviation's band is symmetric in its logarithm.
+    (common random numbers reduce scatter); noise (T,): standard deviation of a run from replicates, used in place of
+    the regression's.  The standard deviation's band is symmetric in its logarithm.
     """
     bootstrap = np.asarray(bootstrap, float)
     if bootstrap.ndim != 3 or len(bootstrap) < 50:

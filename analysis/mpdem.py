@@ -1,7 +1,7 @@
 """Joint densities of two responses at one strain or state: the decoupled M-PDEM (Eq. 15; Lyu et al. 2024).
 
-p(x1, x2) = sum over q of p1_q(x1) p2_q(x2) / P_q.  Product kernels dilute dependence by
-s1 s2 / sqrt((s1^2 + b1^2)(s2^2 + b2^2)), so the correlation and conditional means come from the points.
+p(x1, x2) = sum over q of p1_q(x1) p2_q(x2) / P_q.  Product kernels dilute dependence, by sqrt((1 - b1^2/s1^2)(1 -
+b2^2/s2^2)) where the spread is kept, so the correlation and conditional means come from the points.
 """
 
 from __future__ import annotations
@@ -59,11 +59,13 @@ class JointDensity:
         return mean - slope * mean_off
 
 
-def joint_density(values1, values2, probability, bandwidth1=None, bandwidth2=None, cells: int = 200, **options):
+def joint_density(
+    values1, values2, probability, bandwidth1=None, bandwidth2=None, cells: int = 200, keep_spread=True, **options
+) -> JointDensity:
     """Joint PDF of two quantities with one value a point each.
 
     values1, values2 (Q,), probability (Q,); a point without a finite value in either is lost to both (and counted).
-    bandwidths in the unit of each, by default PDEM's rule; options as in `pdem.evolve` (rule, max_lost).
+    bandwidths in the unit of each, by default `pair_widths`; keep_spread and options as in `pdem.evolve` (max_lost).
     Returns a JointDensity; its marginals are PDEM's own densities.  Raises pdem.PdemError.
     """
     one, two = np.asarray(values1, float), np.asarray(values2, float)
@@ -71,12 +73,16 @@ def joint_density(values1, values2, probability, bandwidth1=None, bandwidth2=Non
         raise pdem.PdemError(f"joint density: values of the shapes {one.shape} and {two.shape}, expected the same (Q,)")
     both = np.isfinite(one) & np.isfinite(two)
     one, two = np.where(both, one, np.nan), np.where(both, two, np.nan)
-    first = pdem.state_density(one, probability, bandwidth=bandwidth1, cells=cells, **options)
-    second = pdem.state_density(two, probability, bandwidth=bandwidth2, cells=cells, **options)
+    if both.any() and (bandwidth1 is None or bandwidth2 is None):
+        rule = pair_widths(one[both], two[both], np.asarray(probability, float)[both])
+        bandwidth1, bandwidth2 = (r if b is None else b for r, b in zip(rule, (bandwidth1, bandwidth2), strict=True))
+    options |= {"cells": cells, "keep_spread": keep_spread}
+    first = pdem.state_density(one, probability, bandwidth=bandwidth1, **options)
+    second = pdem.state_density(two, probability, bandwidth=bandwidth2, **options)
     one, two = one[both], two[both]
     weight = np.asarray(probability, float)[both]
     weight = weight / weight.sum()
-    k1, k2 = _kernels(one, first), _kernels(two, second)
+    k1, k2 = _kernels(one, first, keep_spread), _kernels(two, second, keep_spread)
     mass = _with_marginals((k1.T * weight) @ k2, first.p[0] * first.dx[0], second.p[0] * second.dx[0])
     return JointDensity(
         x1=first.x,
@@ -86,7 +92,7 @@ def joint_density(values1, values2, probability, bandwidth1=None, bandwidth2=Non
         second=second,
         correlation=correlation(one, two, weight),
         rank_correlation=correlation(_ranks(one, weight), _ranks(two, weight), weight),
-        diluted_correlation=_diluted(one, two, weight, first, second),
+        diluted_correlation=_diluted(one, two, weight, first, second, keep_spread),
         mutual_information=_mutual_information(mass),
         lost_probability=float(first.lost_probability[0]),
         values1=one,
@@ -100,6 +106,21 @@ def joint_evolution(h1, h2, probability, rows, **options) -> list[JointDensity]:
     return [joint_density(h1[k], h2[k], probability, **options) for k in rows]
 
 
+def pair_widths(one, two, weight) -> tuple[float, float]:
+    """Kernel widths for a pair: 3.5 n^(-1/2) (1 - rho^2)^(1/4) standard deviations each, n = 1 / sum P^2.
+
+    That is about the distance between points that fill a plane evenly, shorter where dependence squeezes them towards a
+    line; never more than the rule for a single response (`pdem.kernel_width`).
+    """
+    weight = weight / weight.sum()
+    rho = np.nan_to_num(correlation(one, two, weight))
+    share = 3.5 * np.sqrt(np.sum(weight**2)) * max(1.0 - rho**2, 0.0) ** 0.25
+    both, weights = np.stack([one, two]), np.broadcast_to(weight, (2, len(weight)))
+    std = pdem.moments(both, weights)[1]
+    first, second = np.minimum(share * std, pdem.kernel_width(both, weights))
+    return float(first), float(second)
+
+
 def correlation(one, two, weight) -> float:
     """Pearson correlation of weighted points; NaN where one of them does not vary."""
     off1, off2 = one - weight @ one, two - weight @ two
@@ -107,9 +128,11 @@ def correlation(one, two, weight) -> float:
     return float(weight @ (off1 * off2) / spread) if spread > 0 else float("nan")
 
 
-def _kernels(values, density):
+def _kernels(values, density, keep_spread):
     """Probability (Q, X) of every cell from each point's own kernel."""
     dx = density.dx[0]
+    if keep_spread:
+        values = density.mean + pdem.shrinkage(density.bandwidth, density.std) * (values - density.mean)
     path = (values[:, None] - density.x[0]) / dx + 0.5
     return pdem.translate(path, np.ones_like(path), np.full(len(path), density.bandwidth[0] / dx), len(density.x))
 
@@ -129,10 +152,12 @@ def _ranks(values, weight):
     return (np.cumsum(share) - 0.5 * share)[index]
 
 
-def _diluted(one, two, weight, first, second):
-    v1, v2 = first.std[0] ** 2, second.std[0] ** 2
-    b1, b2 = first.bandwidth[0] ** 2, second.bandwidth[0] ** 2
-    return correlation(one, two, weight) * float(np.sqrt(v1 * v2 / ((v1 + b1) * (v2 + b2))))
+def _diluted(one, two, weight, first, second, keep_spread):
+    factor = 1.0
+    for density in (first, second):
+        v, b = density.std[0] ** 2, density.bandwidth[0] ** 2
+        factor *= pdem.shrinkage(density.bandwidth, density.std)[0] if keep_spread else np.sqrt(v / (v + b))
+    return float(correlation(one, two, weight) * factor)
 
 
 def _mutual_information(mass):

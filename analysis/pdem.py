@@ -34,6 +34,7 @@ def evolve(
     limiter: str = "superbee",
     rule: str | None = None,
     max_lost: float = 0.5,
+    keep_spread: bool = False,
 ) -> Density:
     """PDF surface of a response along strain from its values at representative points.
 
@@ -44,6 +45,8 @@ def evolve(
     median over the strains.  A kernel is never narrower than 0.6 cells.
     A value that is not finite makes its point's probability `lost_probability` at that strain; the others are
     renormalised, and above `max_lost` the density is refused.
+    keep_spread ("exact" only) draws the points towards their mean by sqrt(1 - b^2/s^2), so that the shown density has
+    the points' own standard deviation s in spite of its kernel b (Silverman 1986, section 6.4).
     Returns a Density on one common grid of `cells` equal cells placed by the data.  Raises PdemError.
     """
     h, probability, strain = _checked(h, probability, strain, cells, max_lost)
@@ -52,14 +55,18 @@ def evolve(
         raise PdemError(f"method {method!r} is not one of exact, tvd")
     width = _asked_width(h, weight, bandwidth, rule, constant=method == "tvd")
     lo, dx, width = _grid(h, weight, width, cells)
+    mean, std = moments(h, weight)
     path = (_filled(h) - lo) / dx
+    if keep_spread:
+        if method == "tvd":
+            raise PdemError("keep_spread needs the method exact")
+        path = (mean[:, None] - lo) / dx + shrinkage(width, std)[:, None] * (path - (mean[:, None] - lo) / dx)
     if method == "exact":
         mass = translate(path, weight, width / dx, cells)
         added = np.zeros(len(h))
     else:
         mass, variance = tvd.transport(path, weight, width[0] / dx, cells, limiter)
         added = dx * np.sqrt(np.maximum(variance - variance[0], 0.0))
-    mean, std = moments(h, weight)
     return Density(
         strain=strain,
         x=lo + dx * (np.arange(cells) + 0.5),
@@ -132,6 +139,12 @@ def quantiles(h, weight, levels) -> np.ndarray:
         part = np.clip((level - middle[rows, left]) / np.where(gap > 0, gap, 1.0), 0.0, 1.0)
         found[:, k] = value[rows, left] + part * (value[rows, right] - value[rows, left])
     return found
+
+
+def shrinkage(width, std) -> np.ndarray:
+    """Factor towards the mean that makes points of the scatter `std` under kernels of the width `width` keep it."""
+    varying = std > 0
+    return np.sqrt(np.maximum(1.0 - np.where(varying, width / np.where(varying, std, 1.0), 0.0) ** 2, 0.0))
 
 
 def point_spacing(h, weight) -> np.ndarray:

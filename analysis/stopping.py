@@ -1,7 +1,7 @@
 """When a campaign has runs enough: nested points, a claimed error after each batch, and the rest filled by regression.
 
-The error of a PDF is the Wasserstein-1 distance to the true one over the response's standard deviation.  It is estimated
-from the response surfaces that the runs made so far would also allow: their PDFs scatter about the fitted one.
+The error of a PDF is the Wasserstein-1 distance to the true one over the response's standard deviation.  It is
+estimated from the surfaces that the runs made so far would also allow: their PDFs scatter about the fitted one.
 """
 
 from __future__ import annotations
@@ -18,8 +18,10 @@ SAFETY = 1.15  # for what the draws don't know: that the terms of the surface we
 
 @dataclass(frozen=True)
 class Assessment:
-    """What a batch says: runs so far, the error asked for, claimed error and leave-one-out error (both over the standard
-    deviation) of every response, and whether all of them are good enough."""
+    """What a batch says: runs (points) so far, the error asked for, and whether every response is good enough.
+
+    claimed and loo: error of the PDF and leave-one-out error of every response, both over its standard deviation.
+    """
 
     runs: int
     target: float
@@ -39,9 +41,9 @@ def assess(
 ) -> Assessment:
     """Judge the runs so far: inputs (Q, 2), responses {name: (Q,) or (T, Q)}, NaN where a run failed.
 
-    One set of terms serves all responses.  samples (n, 2) from the joint inputs, n >= 200 (Sobol' mapped through the joint distribution is best);
-    stop_when: "2%" or 0.02; the claimed error is 1.15 times the `confidence` quantile over 200 surfaces, the worst strain
-    of each response.  Below 12 usable runs nothing is claimed (infinity).
+    One set of terms serves all responses.  samples (n, 2) from the joint inputs, n >= 200 (Sobol' mapped through the
+    joint distribution is best); stop_when: "2%" or 0.02; the claimed error is 1.15 times the `confidence` quantile over
+    200 surfaces, the worst strain of each response.  Below 12 usable runs nothing is claimed (infinity).
     """
     target = parse_target(stop_when)
     rng = np.random.default_rng(0) if rng is None else rng
@@ -70,9 +72,9 @@ def parse_target(stop_when) -> float:
 
 
 def nested_order(inputs) -> np.ndarray:
-    """Order (Q,) of given points (Q, 2) in which every beginning covers their range: the middle, then always the farthest.
+    """Order (Q,) of given points (Q, 2) in which every beginning covers their range.
 
-    Distances in the standardised logarithms of the inputs.
+    The middle first, then always the point farthest from those before it, in the standardised logarithms of the inputs.
     """
     logs = np.log(np.asarray(inputs, float))
     z = (logs - logs.mean(axis=0)) / np.maximum(logs.std(axis=0), 1e-12)
@@ -88,8 +90,8 @@ def nested_order(inputs) -> np.ndarray:
 def run_until(inputs, evaluate, samples, stop_when="2%", batch: int = 3, rng=None, **options) -> tuple[dict, list]:
     """Go through the points (Q, 2) in their order until the claimed error is the one asked for, or none is left.
 
-    evaluate(indices) -> {name: (len(indices),) or (T, len(indices))} makes the runs of a batch.  Returns the responses of
-    the runs made, {name: (..., runs)}, and the Assessment after every batch.
+    evaluate(indices) -> {name: (len(indices),) or (T, len(indices))} makes the runs of a batch; options as in `assess`.
+    Returns the responses of the runs made, {name: (..., runs)}, and the Assessment after every batch.
     """
     done, history, begin = {}, [], 0
     while begin < len(inputs):
@@ -104,7 +106,7 @@ def run_until(inputs, evaluate, samples, stop_when="2%", batch: int = 3, rng=Non
 
 
 def fill(inputs, values, **options) -> tuple[np.ndarray, np.ndarray]:
-    """Values (T, Q) with the missing ones taken from the response surface through the others, and where that is (T, Q)."""
+    """Values (T, Q) with the missing ones taken from the response surface through the others, and where (T, Q) so."""
     values = np.atleast_2d(np.asarray(values, float))
     missing = ~np.isfinite(values)
     surface = surrogate.fit(inputs, values, **options)

@@ -59,6 +59,19 @@ def sobol_normals(n: int, seed: int, dimensions: int = 2) -> np.ndarray:
     return ndtri(np.clip(sampler.random_base2(power)[:n], 1e-12, 1 - 1e-12))
 
 
+def golden_normals(n: int) -> np.ndarray:
+    """A golden-ratio lattice as independent standard normals (n, 2): evenly spread, equal weights."""
+    index = np.arange(1, n + 1)
+    return ndtri(np.stack([(index - 0.5) / n, (index * 0.6180339887498949) % 1.0], axis=1))
+
+
+def bivariate_normal(x1, x2, rho: float) -> np.ndarray:
+    """Density (X1, X2) of two standard normals of correlation rho."""
+    one, two = np.meshgrid(x1, x2, indexing="ij")
+    square = (one**2 - 2 * rho * one * two + two**2) / (1 - rho**2)
+    return np.exp(-0.5 * square) / (2 * np.pi * np.sqrt(1 - rho**2))
+
+
 def linear_gaussian_shapley(a: float, b: float, rho: float) -> dict[str, float]:
     """Variance shares of y = a x1 + b x2, standard normals of correlation rho (Owen & Prieur 2017, Eq. 11)."""
     variance = a * a + b * b + 2 * a * b * rho

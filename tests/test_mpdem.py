@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from analytic_cases import bivariate_normal, golden_normals
 
 from analysis import mpdem, pdem
 
@@ -18,20 +19,23 @@ def points():
 def test_marginals_are_pdems_own(points):
     one, two, weight = points
     joint = mpdem.joint_density(one, two, weight)
-    alone = pdem.state_density(two, weight, cells=200)
+    width = joint.second.bandwidth[0]
+    alone = pdem.state_density(two, weight, cells=200, bandwidth=width, keep_spread=True)
     assert np.max(np.abs(joint.marginal(0) - joint.first.p[0])) < 1e-10
     assert np.max(np.abs(joint.marginal(1) - alone.p[0])) < 1e-10
     assert joint.p.sum() * joint.first.dx[0] * joint.second.dx[0] == pytest.approx(1, abs=1e-10)
 
 
-def test_shown_correlation_is_diluted_as_predicted(points):
-    joint = mpdem.joint_density(*points, cells=400)
+@pytest.mark.parametrize("keep_spread", [True, False])
+def test_shown_correlation_is_diluted_as_predicted(points, keep_spread):
+    joint = mpdem.joint_density(*points, cells=400, keep_spread=keep_spread)
     mass = joint.p * joint.first.dx[0] * joint.second.dx[0]
     m1, m2 = mass.sum(axis=1) @ joint.x1, mass.sum(axis=0) @ joint.x2
     s1 = np.sqrt(mass.sum(axis=1) @ (joint.x1 - m1) ** 2)
     s2 = np.sqrt(mass.sum(axis=0) @ (joint.x2 - m2) ** 2)
     shown = (joint.x1 - m1) @ mass @ (joint.x2 - m2) / (s1 * s2)
     assert shown == pytest.approx(joint.diluted_correlation, abs=1e-3)
+    assert (s1 == pytest.approx(joint.first.std[0], rel=1e-3)) == keep_spread
     assert abs(joint.correlation) > abs(joint.diluted_correlation)
 
 
@@ -55,3 +59,13 @@ def test_a_point_missing_in_one_response_is_lost_to_both(points):
     joint = mpdem.joint_density(one, two, weight)
     assert joint.lost_probability == pytest.approx(weight[5])
     assert joint.second.mean[0] == pytest.approx(np.delete(two, 5) @ np.delete(weight, 5) / (1 - weight[5]))
+
+
+def test_linear_gaussian_pair_is_the_bivariate_normal():
+    rho, z = -0.738, golden_normals(200)
+    one, two = z[:, 0], rho * z[:, 0] + np.sqrt(1 - rho**2) * z[:, 1]
+    joint = mpdem.joint_density(one, two, np.full(200, 1 / 200))
+    assert joint.correlation == pytest.approx(rho, abs=0.02)
+    cell = joint.first.dx[0] * joint.second.dx[0]
+    assert np.abs(joint.p - bivariate_normal(joint.x1, joint.x2, rho)).sum() * cell < 0.1
+    assert joint.mutual_information == pytest.approx(-0.5 * np.log(1 - rho**2), rel=0.15)
