@@ -36,4 +36,4 @@ def begin(p, quiet: float = equilibrium.FORCE_LIMIT, calc_energy: bool = False) 
         return {}
     mu, G = target(p, p.mu_s)
     swap(mu, G, p.nu, p.rho)
-    return equilibrium.reach(p, equilibrium.window_steps(p), MAX_STEPS, DAMPING, quiet)
+    return equilibrium.reach(p, equilibrium.window_steps(p) // 2, MAX_STEPS, DAMPING, quiet)
