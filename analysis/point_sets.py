@@ -45,38 +45,33 @@ def lattice_generator(n: int, d: int, trials: int = 400) -> tuple[int, ...]:
 def fair_order(w: np.ndarray, probability: np.ndarray, first: int = 0) -> np.ndarray:
     """An order (n,) of points w (n, d) of the unit cube in which every beginning stands for the whole weighted set.
 
-    Greedy (kernel herding): the next point is the one that brings the beginning, weighted by `probability`, nearest
-    to the whole set in the discrepancy of the kernel prod(1 + 4 min(s, t) (1 - max(s, t))). The first `first` points
-    stay in place.
+    Greedy (kernel herding): the next point is the one that brings the beginning, equally weighted, nearest to the whole
+    set with its `probability` in the centred discrepancy (Hickernell 1998). The first `first` points stay in place.
     """
     kernel = _kernel(w)
     target = kernel @ probability
-    chosen = list(range(first))
-    mass = probability[:first].sum()
-    field = kernel[:, :first] @ probability[:first]
     own = np.diag(kernel)
-    free = np.ones(len(w), dtype=bool)
-    free[:first] = False
-    energy = probability[:first] @ field[:first]
-    overlap = probability[:first] @ target[:first]
-    while free.any():
-        total = mass + probability
-        square = energy + 2.0 * probability * field + probability**2 * own
-        distance = square / total**2 - 2.0 * (overlap + probability * target) / total
+    chosen = list(range(first))
+    free = np.arange(len(w)) >= first
+    field = kernel[:, :first].sum(axis=1)
+    energy, overlap = field[:first].sum(), target[:first].sum()
+    for count in range(first + 1, len(w) + 1):
+        distance = (energy + 2.0 * field + own) / count**2 - 2.0 * (overlap + target) / count
         q = int(np.argmin(np.where(free, distance, np.inf)))
-        energy, overlap = square[q], overlap + probability[q] * target[q]
-        field, mass = field + probability[q] * kernel[q], total[q]
+        energy, overlap = energy + 2.0 * field[q] + own[q], overlap + target[q]
+        field = field + kernel[q]
         free[q] = False
         chosen.append(q)
     return np.array(chosen)
 
 
 def kernel_discrepancy(w: np.ndarray) -> float:
-    """Squared discrepancy of equally weighted points w (n, d) from uniform, in the kernel of fair_order."""
-    mean_field = np.prod(1.0 + 2.0 * w * (1.0 - w), axis=1)
-    return float(_kernel(w).mean() - 2.0 * mean_field.mean() + (4.0 / 3.0) ** w.shape[1])
+    """Squared centred discrepancy (Hickernell 1998) of equally weighted points w (n, d) of the unit cube."""
+    off = np.abs(w - 0.5)
+    mean_field = np.prod(1.0 + 0.5 * off - 0.5 * off**2, axis=1)
+    return float(_kernel(w).mean() - 2.0 * mean_field.mean() + (13.0 / 12.0) ** w.shape[1])
 
 
 def _kernel(w: np.ndarray) -> np.ndarray:
-    low, high = np.minimum(w[:, None], w[None, :]), np.maximum(w[:, None], w[None, :])
-    return np.prod(1.0 + 4.0 * low * (1.0 - high), axis=2)
+    off = np.abs(w - 0.5)
+    return np.prod(1.0 + 0.5 * (off[:, None] + off[None, :] - np.abs(w[:, None] - w[None, :])), axis=2)

@@ -22,6 +22,8 @@ METHODS = ("gf", "gf-published", "sobol", "lhs", "mc")
 _SMALLEST = 8
 _SMALLEST_NESTED = 40
 _ROUNDS = 3
+#: A point whose conditional probability is below this over n is brought back, so that no run is spent on a freak.
+_FARTHEST = 0.1
 
 
 class PointsError(ValueError):
@@ -127,9 +129,11 @@ def _rearranged(joint: Joint, n: int, seed: int):
     """
     x = joint.inverse_rosenblatt(uniform_set("lattice", n, joint.dimension, seed))
     x = gauss_rearranged(joint, x, np.full(n, 1.0 / n))
+    farthest = -special.ndtri(_FARTHEST / n)
     for _ in range(_ROUNDS):
-        probability = normalised(_cells(joint.to_normal(x)))
-        x = gauss_rearranged(joint, x, probability)
+        z = joint.to_normal(x)
+        probability = normalised(_cells(z))
+        x = gauss_rearranged(joint, joint.from_normal(np.clip(z, -farthest, farthest)), probability)
     x = sheared(joint, x, probability)
     order = fair_order(joint.rosenblatt(x), probability)
     return x[order], calibrated(joint, x, probability)[order]

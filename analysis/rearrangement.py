@@ -56,19 +56,22 @@ def _two_point_rule(marginal, w: np.ndarray) -> np.ndarray:
     x[start] = mean
     pair = end - start == 2
     a, b, mean, sd = start[pair], start[pair] + 1, mean[pair], sd[pair]
-    low, high = (marginal.ppf(special.ndtr(edge)) for edge in (edges[:-1][pair], edges[1:][pair]))
     ratio = np.clip(w[b] / w[a], 1.0 / _LARGEST_RATIO, _LARGEST_RATIO)
-    for r in (ratio, np.ones_like(ratio), None):
-        if r is None:
-            total = np.cumsum(w)
-            below, above = (marginal.ppf(total[k] - 0.5 * w[k]) for k in (a, b))
-        else:
-            below, above = mean - sd * np.sqrt(r), mean + sd / np.sqrt(r)
-            shift = mean - (w[a] * below + w[b] * above) / (w[a] + w[b])
-            below, above = below + shift, above + shift
-        todo = np.ones(len(a), dtype=bool) if r is ratio else (x[a] <= low) | (x[b] >= high)
-        x[a], x[b] = np.where(todo, below, x[a]), np.where(todo, above, x[b])
-    return x
+    todo = np.ones(len(a), dtype=bool)
+    for r in (ratio, np.ones_like(ratio)):
+        below, above = mean - sd * np.sqrt(r), mean + sd / np.sqrt(r)
+        shift = mean - (w[a] * below + w[b] * above) / (w[a] + w[b])
+        x[a], x[b] = np.where(todo, below + shift, x[a]), np.where(todo, above + shift, x[b])
+        todo = _out_of_order(marginal, x, a, b)
+    middle = marginal.ppf(np.cumsum(w) - 0.5 * w)
+    x[a], x[b] = np.where(todo, middle[a], x[a]), np.where(todo, middle[b], x[b])
+    return np.sort(x)
+
+
+def _out_of_order(marginal, x: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Which pairs (a, b) of neighbours reach past the points beside them or out of the support."""
+    padded = np.concatenate([[marginal.ppf(1e-12)], x, [np.inf]])
+    return (x[a] <= padded[a]) | (x[b] >= padded[b + 2])
 
 
 def sheared(joint, x: np.ndarray, probability: np.ndarray, widest: float = 0.15) -> np.ndarray:

@@ -64,7 +64,7 @@ def student_log_density(x, y, rho, nu):
     return constant - 0.5 * np.log(r2) - 0.5 * (nu + 2.0) * np.log1p(quadratic) + 0.5 * (nu + 1.0) * own
 
 
-def _nodes(count: int = 160, reach: float = 3.15):
+def _nodes(count: int = 320, reach: float = 3.15):
     """Double-exponential rule on [0, 1]: distance from the left end, distance from the right end, weights."""
     t = np.linspace(-reach, reach, count)
     s = 0.5 * np.pi * np.sinh(t)

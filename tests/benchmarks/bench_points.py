@@ -1,0 +1,132 @@
+"""How well n representative points stand for the joint distribution: discrepancy, moments, integrals, weights, cost.
+
+    /usr/bin/python3 tests/benchmarks/bench_points.py        (a few minutes)
+
+Writes data/benchmarks/points.csv (a row for each method and n: 20 seeds; discrepancies of mu_s and G_p; largest errors
+of means, standard deviations and correlation; root-mean-square errors of five integrals over their standard deviation),
+data/benchmarks/points_convergence.csv (slopes of those errors against n) and data/benchmarks/points_cost.csv.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from scipy import special
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT))
+
+from analysis import points, voronoi  # noqa: E402
+from analysis.discrepancy import moment_errors  # noqa: E402
+from analysis.inputs import read_pairs  # noqa: E402
+from analysis.joint import Joint, fit_joint  # noqa: E402
+
+FOLDER = ROOT / "data" / "benchmarks"
+SIZES = (25, 50, 100, 200, 400)
+SEEDS = range(20)
+METHODS = {
+    "gf": {"method": "gf"},
+    "gf-nested": {"method": "gf", "nested": True},
+    "gf-published": {"method": "gf-published"},
+    "sobol": {"method": "sobol"},
+    "lhs": {"method": "lhs"},
+    "mc": {"method": "mc"},
+}
+INTEGRALS = ("saturating_strength", "stiffness_power", "product", "smooth_exceedance", "gaussian_bump")
+
+
+def functions(x: np.ndarray) -> np.ndarray:
+    """Five smooth functions (m, 5) of mu_s and G_p shaped like the responses of interest."""
+    mu_s, g = x[:, 0], x[:, 1] / 25.7e9
+    strength = 0.82 * (1.0 - np.exp(-mu_s / 0.1))
+    bump = np.exp(-(np.log(mu_s / 0.214) ** 2 + np.log(g) ** 2))
+    return np.stack(
+        [strength, g ** (2 / 3) * (1.0 - 0.3 * mu_s), mu_s * g, special.ndtr((strength - 0.65) / 0.08), bump], axis=1
+    )
+
+
+def main() -> None:
+    """Measure everything and write the three tables."""
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    joint = fit_joint(read_pairs(ROOT / "data" / "pairs_reconstructed.csv"), n_boot=0).joint
+    exact = joint.expectation(functions, nodes=300)
+    scale = np.sqrt(joint.expectation(lambda x: (functions(x) - exact) ** 2, nodes=300))
+    table = {(name, n): measure(joint, name, n, exact, scale) for n in SIZES for name in METHODS}
+    header = "method,n,D_mu_s_median,D_G_p_median,D_mu_s_worst,D_G_p_worst,mean_error_worst,std_error_worst,"
+    header += "correlation_error_worst,sum_error_worst,P_min_times_n,P_max_times_n,largest_P_minus_exact_Voronoi,"
+    header += "exact_minus_sampled_Voronoi," + ",".join(f"rms_{name}" for name in INTEGRALS)
+    write("points.csv", header, [f"{name},{n}," + numbers(row) for (name, n), row in table.items()])
+    rows = []
+    for name in METHODS:
+        errors = np.maximum([table[name, n][-len(INTEGRALS) :] for n in SIZES], 1e-16)
+        rows.append(f"{name}," + numbers(-np.polyfit(np.log(SIZES), np.log(errors), 1)[0]))
+    write("points_convergence.csv", "method," + ",".join(f"order_{name}" for name in INTEGRALS), rows)
+    write("points_cost.csv", "what,cpu_seconds,over_a_million_samples", cost(joint))
+
+
+def measure(joint: Joint, name: str, n: int, exact: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """One row of points.csv."""
+    D, moments, integrals, rest = [], [], [], []
+    for seed in SEEDS:
+        chosen = points.select_points(joint, n, seed=seed, **METHODS[name])
+        D.append(chosen.discrepancy)
+        found = moment_errors(chosen.x, chosen.probability, joint)
+        moments.append([np.abs(found[key]).max() for key in ("mean", "std", "correlation")])
+        integrals.append((chosen.probability @ functions(chosen.x) - exact) / scale)
+        z = joint.to_normal(chosen.x)
+        cells = voronoi.cell_probabilities(z)
+        sampled = np.abs(voronoi.sampled_cell_probabilities(z, 2**17) - cells).max() if seed < 2 else 0.0
+        sum_error = abs(math.fsum(chosen.probability) - 1.0)
+        P = chosen.probability
+        rest.append([sum_error, P.min() * n, P.max() * n, np.abs(P - cells).max(), sampled])
+    rest = np.array(rest)
+    return np.concatenate(
+        [
+            np.median(D, axis=0),
+            np.max(D, axis=0),
+            np.max(moments, axis=0),
+            [rest[:, 0].max(), rest[:, 1].min(), rest[:, 2].max(), rest[:, 3].max(), rest[:, 4].max()],
+            np.sqrt(np.mean(np.square(integrals), axis=0)),
+        ]
+    )
+
+
+def cost(joint: Joint) -> list[str]:
+    """CPU time of choosing points beside that of a million plain samples of the joint distribution, in one run."""
+    cases = {
+        "a million samples": lambda: joint.sample(1_000_000, np.random.default_rng(1)),
+        "n = 100, gf": lambda: points.select_points(joint, 100, seed=99),
+        "n = 100, gf, nested": lambda: points.select_points(joint, 100, seed=99, nested=True),
+        "n = 100, gf-published": lambda: points.select_points(joint, 100, "gf-published", seed=99),
+        "n = 400, gf": lambda: points.select_points(joint, 400, seed=99),
+        "reweighting 100 points": lambda: points.reweight(points.select_points(joint, 100, "sobol"), joint),
+    }
+    seconds = {}
+    for name, run in cases.items():
+        run()
+        times = []
+        for _ in range(3):
+            start = time.process_time()
+            run()
+            times.append(time.process_time() - start)
+        seconds[name] = min(times)
+    return [f'"{name}",{value:.4f},{value / seconds["a million samples"]:.4f}' for name, value in seconds.items()]
+
+
+def numbers(row) -> str:
+    """Comma-separated values, four digits each."""
+    return ",".join(f"{value:.4g}" for value in row)
+
+
+def write(name: str, header: str, rows: list[str]) -> None:
+    """Write one table and show it."""
+    (FOLDER / name).write_text("\n".join([header, *rows]) + "\n")
+    print(header, *rows, sep="\n", flush=True)
+
+
+if __name__ == "__main__":
+    main()
