@@ -20,6 +20,8 @@ from campaign.plan import RETRY_STEP, Row
 
 SUMS = "SHA256SUMS"
 CHECKED = "checked.json"
+#: What must be finite in every record; the analysis checks the rest when it reads.
+FINITE = ("sigma", "e", "Z")
 
 
 @dataclass(frozen=True)
@@ -193,7 +195,9 @@ def inspect(path: Path, row: Row) -> tuple[str, dict]:
         used = dict(file["parameters"].attrs)
         if (reason := _mismatch(used, row)) is not None:
             return reason, {}
-        for symbol, values in file.get("record", {}).items():
+        record = file.get("record", {})
+        for symbol in (s for s in FINITE if s in record):
+            values = record[symbol]
             # a consolidation begins without contacts, so ratios over them have no value yet
             if not np.all(np.isfinite(values[-1] if row.stage == "consolidate" else values[...])):
                 return f"has values of {symbol} that are not finite", {}

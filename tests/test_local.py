@@ -33,12 +33,13 @@ def test_runs_exactly_what_is_missing(tmp_path):
     assert small.started() == [small.rows[3].run_id, small.rows[-1].run_id]
 
 
-def kill_and_restart(small, kills: int, rng: random.Random, longest: float) -> int:
+def kill_and_restart(small, kills: int, rng: random.Random, longest: float, **env) -> int:
     """Kill the campaign's whole process group at random moments until it ends by itself; returns the kills survived."""
     survived = 0
     while True:
-        run = subprocess.Popen(small.line("run", "--quiet"), env=small.env(), cwd=ROOT, start_new_session=True,
-                               stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)  # fmt: skip
+        run = subprocess.Popen(small.line("run", "--quiet"), env=small.env(**env), cwd=ROOT,
+                               start_new_session=True, stdout=subprocess.DEVNULL,
+                               stderr=subprocess.DEVNULL)  # fmt: skip
         try:
             code = run.wait(timeout=rng.uniform(0.2, longest) if survived < kills else None)
             assert code == 0
