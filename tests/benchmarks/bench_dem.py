@@ -11,10 +11,9 @@ response of every setting against the reference, and data/benchmarks/dem_errors.
 from __future__ import annotations
 
 import argparse
-import csv
 import itertools
 
-import numpy as np
+from bench_rows import append, finished
 from dem_runs import ROOT, RunFailed, chain, digest
 
 from analysis.run_states import run_states
@@ -75,7 +74,7 @@ def main() -> None:
     args = parser.parse_args()
     if not args.table:
         for setting, packing, mu_iso, point in wanted(args):
-            print(add_row(setting, packing, mu_iso, point), flush=True)
+            add_row(setting, packing, mu_iso, point)
     from dem_errors import summarise
 
     summarise(ROWS)
@@ -83,24 +82,14 @@ def main() -> None:
 
 def wanted(args):
     """Runs without a row of today's scripts: packing by packing, so that every setting soon has some."""
-    done = {
-        (r["setting"], int(r["packing"]), float(r["mu_iso"]), r["point"]) for r in rows() if r["scripts"] == digest()
-    }
+    done = finished(ROWS, ("scripts", "setting", "packing", "mu_iso", "point"))
     packings, densities, points = (PACKINGS[:1], (0.04,), ("middle",)) if args.short else (PACKINGS, MU_ISO, POINTS)
     for packing, setting, point, mu_iso in itertools.product(packings, args.settings, points, densities):
-        if (setting, packing, mu_iso, point) not in done:
+        if (digest(), setting, str(packing), f"{mu_iso:g}", point) not in done:
             yield setting, packing, mu_iso, point
 
 
-def rows() -> list[dict]:
-    """The finished rows, as text."""
-    if not ROWS.exists():
-        return []
-    with open(ROWS, newline="") as file:
-        return list(csv.DictReader(file))
-
-
-def add_row(setting: str, packing: int, mu_iso: float, point: str) -> str:
+def add_row(setting: str, packing: int, mu_iso: float, point: str) -> None:
     """Run one case and append its row, failed or not."""
     values = BASE | SETTINGS[setting]
     mu_s, G_p = POINTS[point]
@@ -123,14 +112,7 @@ def add_row(setting: str, packing: int, mu_iso: float, point: str) -> str:
         row |= {f"{s}_{state}": float(states[state][s]) for state, names in RESPONSES.items() for s in names}
     except RunFailed as error:
         row["failure"] = str(error)
-    ROWS.parent.mkdir(parents=True, exist_ok=True)
-    new = not ROWS.exists()
-    with open(ROWS, "a", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS, restval="", lineterminator="\n")
-        if new:
-            writer.writeheader()
-        writer.writerow({k: f"{v:.6g}" if isinstance(v, (float, np.floating)) else v for k, v in row.items()})
-    return f"{setting} · packing {packing} · mu_iso {mu_iso} · {point}: {row['failure'] or 'done'}"
+    append(ROWS, COLUMNS, row)
 
 
 if __name__ == "__main__":
