@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from analytic_cases import oscillator_cdf, oscillator_moments, oscillator_paths
 from scipy.special import ndtr
 
 from analysis import pdem
@@ -110,3 +111,26 @@ def test_exact_translation_is_the_sum_of_gaussian_cell_averages(width):
     edge = (density.edges[:, None, :] - h[:, :, None]) / density.bandwidth[:, None, None]
     expected = np.einsum("q,tqx->tx", probability, np.diff(ndtr(edge), axis=2))
     assert np.max(np.abs(density.p * density.dx[:, None] - expected)) < 2e-9
+
+
+@pytest.mark.parametrize("options", [{"method": "tvd"}, {"method": "exact", "rule": "spacing"}])
+def test_random_oscillator_has_its_closed_form(options):
+    times = np.linspace(0, 6, 301)
+    h, probability = oscillator_paths(200, times)
+    density = pdem.evolve(h, probability, times, cells=200, **options)
+    inner = np.abs(density.x) < 0.09
+    for k in (50, 100, 200, 300):
+        mean, std = oscillator_moments(times[k])
+        assert density.mean[k] == pytest.approx(mean, abs=0.002 * 0.1)
+        assert density.std[k] == pytest.approx(std, rel=0.01)
+        exact = np.diff(oscillator_cdf(density.edges[k], times[k]))
+        assert np.abs(density.p[k] * density.dx[k] - exact)[inner].sum() <= 0.06
+
+
+def test_numerical_diffusion_is_reported_and_grows_with_the_path_length():
+    smooth = adversarial("uneven")
+    noisy = smooth + 0.05 * np.random.default_rng(1).normal(size=smooth.shape)
+    probability = np.full(30, 1 / 30)
+    widths = [pdem.evolve(h, probability, STRAIN, "tvd").numerical_width[-1] for h in (smooth, noisy)]
+    assert 0 < widths[0] < widths[1]
+    assert np.all(pdem.evolve(smooth, probability, STRAIN).numerical_width == 0)

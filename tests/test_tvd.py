@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from analytic_cases import plain_tvd_loop
 
 from analysis import tvd
 
@@ -44,3 +45,13 @@ def test_a_narrow_density_arrives_where_its_path_ends(limiter):
     mean = p @ (np.arange(200) + 0.5)
     assert np.max(np.abs(mean - path[:, 3])) < 0.35
     assert variance[0] == pytest.approx(1 + 1 / 12, abs=1e-3) and variance[0] < variance[-1] < 6.0**2
+
+
+def test_moving_windows_change_nothing_against_the_plain_loop():
+    rng = np.random.default_rng(3)
+    path = 75 + 15 * np.sin(np.linspace(0, 7, 12)[:, None] + rng.normal(size=4)) + rng.normal(size=(12, 4))
+    weight = np.broadcast_to(rng.dirichlet(np.ones(4)), path.shape)
+    for width in (1.0, 4.0):
+        expected, _ = plain_tvd_loop(path, weight, width, 150)
+        p, _ = tvd.transport(path, weight, width, 150)
+        assert np.max(np.abs(p - expected).sum(axis=1)) < 1e-6
