@@ -1,9 +1,9 @@
 """Cost of fitting and testing copulas beside the same work done with pyvinecopulib, as a ratio of CPU times in one run.
 
-    PYTHON tests/benchmarks/bench_copulas_cost.py       (a minute; PYTHON with pyvinecopulib installed for the comparison)
+PYTHON tests/benchmarks/bench_copulas_cost.py       (a minute; PYTHON with pyvinecopulib installed for the comparison)
 
-Writes data/benchmarks/copulas_cost.csv.  The work: fit the family to the 94 reconstructed pairs, then 1,000 times draw 94
-pairs from the fit, rank them and fit again; here the test's statistic S is computed as well, there it is not.
+Writes data/benchmarks/copulas_cost.csv. The work: fit the family to the 94 reconstructed pairs, then 1,000 times
+draw 94 pairs from the fit, rank them and fit again; here the test's statistic S is computed as well, there it is not.
 """
 
 from __future__ import annotations

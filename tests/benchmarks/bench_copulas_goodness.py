@@ -1,6 +1,6 @@
 """Does the bootstrap test hold its level, and what does it see?  Rejection rates at 5 % for true and wrong families.
 
-    /usr/bin/python3 tests/benchmarks/bench_copulas_goodness.py        (about an hour; resumes where it stopped)
+    /usr/bin/python3 tests/benchmarks/bench_copulas_goodness.py        (half an hour; resumes where it stopped)
 
 Writes data/benchmarks/copulas_goodness.csv: a row for each family drawn from and family tested, n = 94, Kendall's tau
 of the paper's Gaussian copula. `rejected_paper` is the test of the paper's Eq. 4 on the same samples.
@@ -20,7 +20,7 @@ from analysis import copulas, goodness  # noqa: E402
 
 TABLE = ROOT / "data" / "benchmarks" / "copulas_goodness.csv"
 HEADER = "drawn_from,tested,n,trials,replicates,rejected_bootstrap,rejected_paper,median_S,S_critical_5pct_paper"
-N, REPLICATES = 94, 199
+N, REPLICATES = 94, 99
 LEVEL_TRIALS, POWER_TRIALS = 1000, 300
 TRUTHS = {
     "gaussian": (-0.738,),
