@@ -88,7 +88,7 @@ def write_blocked(folder: Path, states: dict[str, State]) -> None:
 
 
 def set_aside(folder: Path, run_ids: list[str]) -> None:
-    """Move refused products and failure files out of the way (never delete a product)."""
+    """Clear the way for another try: refused products are moved, failure files and checkpoints removed."""
     for run_id in run_ids:
         path = folder / "products" / f"{run_id}.h5"
         if path.exists():
@@ -97,7 +97,8 @@ def set_aside(folder: Path, run_ids: list[str]) -> None:
                 k += 1
             kept.parent.mkdir(exist_ok=True)
             os.replace(path, kept)
-        (folder / "products" / f"{run_id}.failed.json").unlink(missing_ok=True)
+        for rest in (".failed.json", ".checkpoint"):
+            (folder / "products" / f"{run_id}{rest}").unlink(missing_ok=True)
 
 
 def record_sum(path: Path) -> None:
