@@ -5,7 +5,8 @@
 Writes data/benchmarks/stiffness.csv, a row per density and particle modulus: probes with strains of 1e-5 and 1e-6 (both
 signs), network solve, effective medium, all on the packing at rest with mu_s = 0.25; and stiffness_exponents.csv: the
 exponents of G_0 over G_p and p'.  "frozen" ones rescale the springs of one contact network; the others compare packings
-that came to rest with their own modulus, which changes the network: softer grains have more contacts.
+consolidated with 25.7 GPa that came to rest with another modulus, which changes the network: grains made stiffer push
+each other apart and lose contacts.
 """
 
 from __future__ import annotations

@@ -2,8 +2,9 @@
 
     yade -n -x -j1 random_packing.py ARRAYS.npz RESULT.npz
 
-ARRAYS holds position (N, 3), radius (N,), edge; RESULT gets particles, contacts and what YADE computes from them:
-stress, fabric, particle stresses, coordination numbers.
+ARRAYS holds position (N, 3), radius (N,), edge, G_p, d_eps (M, 3, 3); RESULT gets particles, contacts and what YADE
+computes from them (stress, fabric, particle stresses, coordination numbers), and the stress (M, 3, 3) that each small
+strain along d_eps leaves, per unit strain.
 """
 
 import math
@@ -30,9 +31,10 @@ O = Omega()  # noqa: E741  YADE's own name for its scene
 
 arrays, result = sys.argv[-2:]
 given = np.load(arrays)
-edge = float(given["edge"])
+edge, G_p = float(given["edge"]), float(given["G_p"])
+STRAIN, REST = 3e-6, 3000
 
-grains = O.materials.append(FrictMat(young=1e8, poisson=0.2, frictionAngle=math.atan(0.3), density=2670))
+grains = O.materials.append(FrictMat(young=2.4 * G_p, poisson=0.2, frictionAngle=math.atan(0.3), density=2670))
 O.periodic = True
 O.cell.hSize = Matrix3(edge, 0, 0, 0, edge, 0, 0, 0, edge)
 for x, r in zip(given["position"], given["radius"], strict=True):
@@ -53,19 +55,37 @@ def deform(gradient, steps):
     O.run(steps, True)
 
 
-rate = 2e-5 / O.dt
-while utils.getStress().trace() / 3 > -1e5:
-    deform(-rate * Matrix3.Identity, 200)
-deform(Matrix3(0.5 * rate, 0.1 * rate, 0, 0, 0.5 * rate, 0, 0, 0, -rate), 1000)
-deform(Matrix3.Zero, 1000)
-# YADE moves the grains after it has computed their forces: a step without time brings both to the same positions.
-O.dt = 1e-30
-O.run(1, True)
-
-
 def matrix(m):
     return np.array([[m[i, j] for j in range(3)] for i in range(3)])
 
+
+def after(d_eps):
+    """Stress (3, 3) Pa, compression positive, when all is at rest again after a strain increment (3, 3)."""
+    O.loadTmp()
+    deform(Matrix3(*(-d_eps / (200 * O.dt)).ravel()), 200)
+    deform(Matrix3.Zero, REST)
+    return -matrix(utils.getStress())
+
+
+rate = 2e-5 / O.dt
+while utils.getStress().trace() / 3 > -5e4:
+    deform(-rate * Matrix3.Identity, 50)
+deform(Matrix3.Zero, 2000)
+while utils.getStress()[2, 2] > -3e5:
+    deform(0.1 * rate * Matrix3(0, 0.2, 0, 0, 0, 0, 0, 0, -1), 50)
+deform(Matrix3.Zero, 1000)
+while utils.unbalancedForce() > 1e-6:
+    O.run(1000, True)
+# The probes are to be elastic: no contact may slide, however close to sliding the loading has left it.
+for c in O.interactions:
+    c.phys.tangensOfFrictionAngle = 10.0
+O.saveTmp()
+before = after(np.zeros((3, 3)))
+responses = np.array([(after(STRAIN * d) - before) / STRAIN for d in given["d_eps"]])
+O.loadTmp()
+# YADE moves the grains after it has computed their forces: a step without time brings both to the same positions.
+O.dt = 1e-30
+O.run(1, True)
 
 h, position = matrix(O.cell.hSize), np.array([tuple(b.state.pos) for b in O.bodies])
 out = {name: [] for name in ("contact_ids", "normal", "branch", "overlap", "f_n", "f_t", "k_n", "k_t")}
@@ -79,7 +99,7 @@ np.savez(
     result, position=position, radius=given["radius"], cell=h,
     stress=matrix(utils.getStress()), fabric=matrix(utils.fabricTensor()[0]),
     particle_stress=np.array([matrix(m) for m in utils.bodyStressTensors()]),
-    Z=utils.avgNumInteractions(skipFree=False), Z_m=utils.avgNumInteractions(skipFree=True),
+    responses=responses, Z=utils.avgNumInteractions(skipFree=False), Z_m=utils.avgNumInteractions(skipFree=True),
     **{name: np.array(values) for name, values in out.items()},
 )  # fmt: skip
 sys.stdout.flush()
