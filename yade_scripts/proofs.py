@@ -43,8 +43,7 @@ def shear_proofs(p, windows) -> dict[str, float]:
         F_unb=float(record["F_unb"][late].mean()),
         **steadiness(windows.rows),
     )
-    if p.inertial_number <= I_LIMIT:
-        _limit("not quasi-static: I", figures["max_inertial_number"], I_LIMIT, end)
+    _limit("not quasi-static: I", figures["max_inertial_number"], I_LIMIT, end)
     if end > SERVO_FROM:
         _limit("servo: |mean sigma_3 / target - 1| of a window", figures["servo_mean_error"], SERVO_WINDOW_LIMIT, end)
         _limit("servo: |sigma_3 / target - 1| of a sample", figures["servo_max_error"], SERVO_LIMIT, end)

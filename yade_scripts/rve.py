@@ -28,9 +28,6 @@ from yade.wrapper import (
 
 O = Omega()  # noqa: E741  YADE's own name for its scene
 
-#: Mass of the servo's cell (kg/m) over rho * solid fraction * L^2, and its damping: holds p' within 0.5 % for any N.
-SERVO_MASS, SERVO_DAMPING = 0.05, 0.8
-
 
 class ProofError(RuntimeError):
     """A stage could not prove what it claims; the text carries quantity, value and limit."""
@@ -77,7 +74,6 @@ def set_engines(p, calc_energy: bool = False) -> None:
     The time step is a third of the Rayleigh step until `use_contact_time_step` is called: with few contacts the
     stiffness-based step is meaningless.
     """
-    edge = O.cell.volume ** (1.0 / 3.0)
     O.engines = [
         ForceResetter(),
         InsertionSortCollider([Bo1_Sphere_Aabb()], verletDist=-0.05, label="collider"),
@@ -97,9 +93,9 @@ def set_engines(p, calc_energy: bool = False) -> None:
         PeriTriaxController(
             dynCell=True,
             globUpdate=1,
-            growDamping=SERVO_DAMPING,
+            growDamping=p.servo_damping,
             dead=True,
-            mass=SERVO_MASS * p.rho * 0.62 * edge**2,
+            mass=servo_mass(p),
             absStressTol=1e12,
             relStressTol=1e-12,
             maxUnbalanced=1e-12,
@@ -128,13 +124,18 @@ def use_contact_time_step(p) -> None:
     stepper.active = True
 
 
+def servo_mass(p) -> float:
+    """Inertia of the servo's cell, kg/m: a twentieth of the grains' mass over the edge, so that N needs no retuning."""
+    return p.servo_mass * p.rho * 0.62 * O.cell.volume ** (2.0 / 3.0)
+
+
 def servo_isotropic(p, pressure: float, max_rate: float) -> None:
     """Hold the mean stress `pressure` (Pa) on all three axes."""
     servo = engine("servo")
     servo.stressMask = 7
     servo.goal = Vector3(-pressure, -pressure, -pressure)
     servo.maxStrainRate = Vector3(max_rate, max_rate, max_rate)
-    servo.mass = SERVO_MASS * p.rho * 0.62 * O.cell.volume ** (2.0 / 3.0)
+    servo.mass = servo_mass(p)
     servo.dead = False
 
 
@@ -148,7 +149,7 @@ def servo_triaxial(p, strain_end: float) -> None:
     servo.maxStrainRate = Vector3(20.0 * rate, 20.0 * rate, rate)
     servo.strain = Vector3(0, 0, 0)
     servo.strainRate = Vector3(0, 0, 0)
-    servo.mass = SERVO_MASS * p.rho * 0.62 * O.cell.volume ** (2.0 / 3.0)
+    servo.mass = servo_mass(p)
     servo.dead = False
 
 

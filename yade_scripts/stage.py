@@ -20,6 +20,7 @@ from yade.wrapper import Omega
 
 from analysis.assembly import AssemblyError
 from yade_scripts.product import Product, ProductError
+from yade_scripts.proofs import I_LIMIT
 from yade_scripts.rve import ProofError
 
 O = Omega()  # noqa: E741  YADE's own name for its scene
@@ -50,6 +51,8 @@ COMMON = {
     "probe_strain": 1e-5,
     "stop_when_steady": 0,
     "checkpoint_seconds": 120.0,
+    "servo_mass": 0.05,  # of the grains' mass over the cell's edge, and the servo's damping: hold sigma_3 for any N
+    "servo_damping": 0.8,
 }
 
 #: What a parameter must be; a table edited by hand is refused before anything is spent.
@@ -64,9 +67,11 @@ LIMITS = {
     "timestep_factor": (1e-3, 10.0),
     "damping": (0.0, 0.99),
     "stiffness_scale": (1e-6, 10.0),
-    "inertial_number": (1e-6, 1.0),
+    "inertial_number": (1e-6, I_LIMIT),
     "strain_end": (1e-4, 2.0),
     "probe_strain": (1e-9, 1e-2),
+    "servo_mass": (1e-6, 10.0),
+    "servo_damping": (0.0, 1.0),
 }
 
 

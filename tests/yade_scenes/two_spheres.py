@@ -32,6 +32,8 @@ def parameters():
         stiffness_scale=1.0,
         density_scaling=0,
         inertial_number=1e-3,
+        servo_mass=0.05,
+        servo_damping=0.8,
     )
 
 
