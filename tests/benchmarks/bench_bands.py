@@ -3,9 +3,9 @@
     /usr/bin/python3 tests/benchmarks/bench_bands.py        (minutes; resumes where it stopped)
 
 The truth is the mean and the standard deviation of the smooth responses (peak and critical stress ratio) under the true
-inputs.  A campaign fits lognormals and a Gaussian copula to its pairs, runs 40 points with packing noise 0.015 and makes
-95 % bands from the response surface and 200 bootstrap samples of the pairs.  Writes data/benchmarks/bands.csv, a row a
-campaign: 1 where the band covers.
+inputs.  A campaign fits lognormals and a Gaussian copula to its pairs, runs 40 points with packing noise 0.015 and
+makes 95 % bands from the response surface and 200 bootstrap samples of the pairs.  Writes data/benchmarks/bands.csv, a
+row a campaign: 1 where the band covers.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def campaign(seed: int) -> dict:
     density = pdem.evolve(surface.predict(own), np.full(len(own), 1 / len(own)), [0.0, 1.0])
     shown = bands.with_bands(density, surface, bootstrap, rng)
     width = density.bandwidth / density.dx[0]
-    path = np.clip((TRUTH[:, ::8] - density.edges[0, 0]) / density.dx[0], 0, 399.9)
+    path = np.clip((TRUTH[:, :4096] - density.edges[0, 0]) / density.dx[0], 0, 399.9)
     true = pdem.translate(path, np.full(path.shape, 1 / path.shape[1]), width, 400) / density.dx[0]
     inside = (shown.low <= true) & (true <= shown.high)
     for k, name in enumerate(NAMES):
