@@ -69,4 +69,5 @@ def simulate_statistics(
     w = rng.random((count, n, 2))
     v = evaluate(family_of(family), "inverse", w[..., 0], w[..., 1], *parameters)[0]
     pairs = np.stack([pseudo_observations(w[..., 0]), pseudo_observations(v)], axis=-1)
-    return statistic(pairs, family, fit_rows(pairs[..., 0], pairs[..., 1], family))
+    start = parameters[0] if len(parameters) == 1 else None
+    return statistic(pairs, family, fit_rows(pairs[..., 0], pairs[..., 1], family, start))

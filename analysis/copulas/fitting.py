@@ -89,8 +89,11 @@ def fit(x, y, family: str, ranks: bool = True) -> CopulaFit:
     return CopulaFit(family, parameters, kind.names, se, interval, n, loglik, aic, bic, Copula(family, parameters).tau)
 
 
-def fit_rows(u: np.ndarray, v: np.ndarray, family: str) -> np.ndarray:
-    """Maximum-likelihood parameters of each row of u, v (R, n) in (0, 1): an (R, k) array."""
+def fit_rows(u: np.ndarray, v: np.ndarray, family: str, start=None) -> np.ndarray:
+    """Maximum-likelihood parameters of each row of u, v (R, n) in (0, 1): an (R, k) array.
+
+    `start`, one set of parameters near all the answers, replaces the search over a grid: half the time.
+    """
     kind = family_of(family)
     if not kind.names:
         return np.empty((len(u), 0))
@@ -100,41 +103,49 @@ def fit_rows(u: np.ndarray, v: np.ndarray, family: str) -> np.ndarray:
         x, y = elliptical.normal_score(u, 1.0 - u), elliptical.normal_score(v, 1.0 - v)
         squares, product = np.mean(x * x + y * y, axis=1), np.mean(x * y, axis=1)
 
-        def loglik(t):
+        def loglik(t, rows):
             rho = np.tanh(t)
             r2 = 1.0 - rho**2
-            return -0.5 * np.log(r2) - rho * (rho * squares - 2.0 * product) / (2.0 * r2)
+            return -0.5 * np.log(r2) - rho * (rho * squares[rows] - 2.0 * product[rows]) / (2.0 * r2)
     else:
 
-        def loglik(t):
-            return evaluate(kind, "logpdf", u, v, *(p[:, None] for p in kind.from_free(t))).mean(axis=1)
+        def loglik(t, rows):
+            return evaluate(kind, "logpdf", u[rows], v[rows], *(p[:, None] for p in kind.from_free(t))).mean(axis=1)
 
     (low, high) = kind.bounds[0]
-    start = kind.from_tau(_TAU_GRID if kind.sign == 0 else kind.sign * np.linspace(0.01, 0.9, 12))
-    grid = kind.to_free(np.clip(start, low, high))[0]
+    if start is None:
+        taus = _TAU_GRID if kind.sign == 0 else kind.sign * np.linspace(0.01, 0.9, 12)
+        start = kind.from_tau(taus)
+    grid = kind.to_free(np.clip(np.atleast_1d(start), low, high))[0]
     limits = np.sort([float(kind.to_free(np.asarray(bound))[0]) for bound in (low, high)])
     t = _maximise(loglik, np.sort(grid), limits, len(u))
     return np.stack(kind.from_free(t), axis=1)
 
 
-def _maximise(function, grid: np.ndarray, limits: np.ndarray, rows: int) -> np.ndarray:
-    """Maximise a smooth function of one variable for many rows: best of a grid, then bracketed Newton steps."""
-    values = np.stack([function(np.full(rows, t)) for t in grid])
-    best = np.argmax(values, axis=0)
+def _maximise(function, grid: np.ndarray, limits: np.ndarray, count: int) -> np.ndarray:
+    """Maximise a smooth function of one variable for many rows: best of a grid, then bracketed Newton steps.
+
+    function(t, rows) gives the values at t of those rows; rows that have converged are left out.
+    """
+    everyone = np.arange(count)
+    best = np.zeros(count, dtype=int)
+    if len(grid) > 1:
+        best = np.argmax(np.stack([function(np.full(count, t), everyone) for t in grid]), axis=0)
     edges = np.concatenate([limits[:1], grid, limits[1:]])
     low, t, high = edges[best], grid[best], edges[best + 2]
-    h = 1e-4
-    for _ in range(25):
-        left, centre, right = function(t - h), function(t), function(t + h)
+    active, h = everyone, 1e-4
+    for _ in range(40):
+        at = t[active]
+        left, centre, right = (function(at + step, active) for step in (-h, 0.0, h))
         slope, curvature = (right - left) / (2.0 * h), (right - 2.0 * centre + left) / h**2
-        low, high = np.where(slope > 0.0, t, low), np.where(slope > 0.0, high, t)
+        low[active] = np.where(slope > 0.0, at, low[active])
+        high[active] = np.where(slope > 0.0, high[active], at)
         with np.errstate(divide="ignore", invalid="ignore"):
-            newton = t - slope / curvature
-        usable = (curvature < 0.0) & (newton > low) & (newton < high)
-        update = np.where(usable, newton, 0.5 * (low + high))
-        moved = np.abs(update - t)
-        t = update
-        if np.all(moved <= 1e-8 * np.maximum(1.0, np.abs(t))):
+            newton = at - slope / curvature
+        usable = (curvature < 0.0) & (newton > low[active]) & (newton < high[active])
+        t[active] = np.where(usable, newton, 0.5 * (low[active] + high[active]))
+        active = active[np.abs(t[active] - at) > 1e-7 * np.maximum(1.0, np.abs(at))]
+        if active.size == 0:
             break
     return np.clip(t, limits[0] + 2 * h, limits[1] - 2 * h)
 

@@ -4,7 +4,7 @@
 
 Writes data/benchmarks/points.csv (a row for each method and n: 20 seeds; discrepancies of mu_s and G_p; largest errors
 of means, standard deviations and correlation; root-mean-square errors of five integrals over their standard deviation),
-data/benchmarks/points_convergence.csv (slopes of those errors against n) and data/benchmarks/points_cost.csv.
+points_convergence.csv and .png there (those errors against n, and their slopes) and points_cost.csv.
 """
 
 from __future__ import annotations
@@ -14,7 +14,12 @@ import sys
 import time
 from pathlib import Path
 
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
 import numpy as np
+import pandas as pd
 from scipy import special
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -66,6 +71,7 @@ def main() -> None:
         rows.append(f"{name}," + numbers(-np.polyfit(np.log(SIZES), np.log(errors), 1)[0]))
     write("points_convergence.csv", "method," + ",".join(f"order_{name}" for name in INTEGRALS), rows)
     write("points_cost.csv", "what,cpu_seconds,over_a_million_samples", cost(joint))
+    draw()
 
 
 def measure(joint: Joint, name: str, n: int, exact: np.ndarray, scale: np.ndarray) -> np.ndarray:
@@ -115,6 +121,22 @@ def cost(joint: Joint) -> list[str]:
             times.append(time.process_time() - start)
         seconds[name] = min(times)
     return [f'"{name}",{value:.4f},{value / seconds["a million samples"]:.4f}' for name, value in seconds.items()]
+
+
+def draw() -> None:
+    """Draw the errors of the five integrals against n from points.csv, as points_convergence.png."""
+    table = pd.read_csv(FOLDER / "points.csv")
+    figure, axes = plt.subplots(1, len(INTEGRALS), figsize=(15, 3.4), sharey=True, layout="constrained")
+    for axis, integral in zip(axes, INTEGRALS, strict=True):
+        for name in METHODS:
+            rows = table[table.method == name]
+            axis.loglog(rows.n, rows[f"rms_{integral}"].clip(lower=1e-7), marker="o", ms=3, label=name)
+        axis.set(title=integral.replace("_", " "), xlabel="points n")
+        axis.grid(alpha=0.3)
+    axes[0].set_ylabel("rms error / standard deviation")
+    axes[-1].legend(fontsize=7)
+    figure.savefig(FOLDER / "points_convergence.png", dpi=110)
+    plt.close(figure)
 
 
 def numbers(row) -> str:
