@@ -55,8 +55,7 @@ def kill_and_restart(small, kills: int, rng: random.Random, longest: float, **en
 
 
 def test_killed_at_random_moments_ends_with_the_same_products(tmp_path):
-    whole = make_small(tmp_path / "whole")
-    assert whole.command("run").returncode == 0
+    whole = finish(make_small(tmp_path / "whole"))
     small = make_small(tmp_path / "killed", seconds=0.4)
     small.toml.write_text(whole.toml.read_text())
     assert kill_and_restart(small, 4, random.Random(1), 4.0) == 4
