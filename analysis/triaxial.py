@@ -14,6 +14,9 @@ from scipy.special import stdtrit
 
 #: Strain over which the stress ratio at the critical state forgets itself, and so the least length of a block.
 CORRELATION_STRAIN = 0.03
+#: Largest half-width of a local fit; nearer to the start it is half the strain.  Wide, because the largest of many
+#: scattered values is too large: for a flat curve the peak of 1,000 grains comes out 4 % high with it, 6 % with 0.02.
+SMOOTHING = 0.08
 
 
 class TriaxialError(ValueError):
@@ -89,7 +92,7 @@ def shear_strain(eps_a: np.ndarray, eps_v: np.ndarray) -> np.ndarray:
 
 
 def peak_state(
-    strain: np.ndarray, eta: np.ndarray, width: float = 0.02, others: Mapping[str, np.ndarray] | None = None
+    strain: np.ndarray, eta: np.ndarray, width: float = SMOOTHING, others: Mapping[str, np.ndarray] | None = None
 ) -> PeakState:
     """Largest smoothed stress ratio: strain (T,) and eta (T,) of a record, `others` by symbol (T, ...) taken there too.
 
@@ -118,7 +121,8 @@ def critical_state(
     """Averages of each of `values` (T,) over strains beyond `start`, with the numbers that prove the state steady.
 
     Steady means: the record goes past `start` by at least one block, and for every symbol in `tolerance` (relative;
-    eta 0.05 and e 0.01 if not given) the drift over the part is either below it or within two of its standard errors.
+    eta 0.05 and e 0.01 if not given) the drift over the part is either below it or within two of its standard errors,
+    which themselves are no larger than twice the tolerance: a drift that cannot be told from scatter proves nothing.
     A record that ends earlier yields the averages over its last 40 %, marked as not steady.
     Raises TriaxialError as `peak_state` does.
     """
@@ -135,8 +139,11 @@ def critical_state(
     for name, limit in tolerance.items():
         if not reason and name in out:
             _, _, drift, drift_error, _ = out[name]
-            if abs(drift) > max(limit, 2.0 * drift_error):
-                reason = f"{name} drifts by {drift:+.2%} over {start:.3g}-{strain[-1]:.3g}, limit {limit:.1%}"
+            part_text = f"over {start:.3g}-{strain[-1]:.3g}"
+            if drift_error > 2.0 * limit:
+                reason = f"{name}'s drift {part_text} is known to {drift_error:.1%} only, {2 * limit:.1%} are needed"
+            elif abs(drift) > max(limit, 2.0 * drift_error):
+                reason = f"{name} drifts by {drift:+.2%} {part_text}, limit {limit:.1%}"
     columns = [dict(zip(out, column, strict=True)) for column in zip(*out.values(), strict=True)]
     return CriticalState(float(start), float(strain[-1]), blocks, *columns, steady=not reason, reason=reason)
 
@@ -148,7 +155,7 @@ def dilatancy(
     q: np.ndarray,
     K: float = np.inf,
     G: float = np.inf,
-    width: float = 0.02,
+    width: float = SMOOTHING,
 ) -> np.ndarray:
     """D_p = -d eps_v^p / d eps_q^p (T,) along a test, the elastic parts dp'/K and dq/(3 G) taken off.
 
@@ -162,7 +169,7 @@ def dilatancy(
     return -(d_volume - slopes @ p / K) / (1.0 - d_volume / 3.0 - slopes @ q / (3.0 * G))
 
 
-def smooth(strain: np.ndarray, values: np.ndarray, width: float = 0.02) -> np.ndarray:
+def smooth(strain: np.ndarray, values: np.ndarray, width: float = SMOOTHING) -> np.ndarray:
     """Local quadratic fit of values (T, ...) over strain (T,), tricube weights of half-width min(width, strain / 2).
 
     The half-width shrinks towards the start, where the curve is steep, and never holds fewer than five rows.

@@ -39,6 +39,20 @@ def test_anisotropies_come_back(values):
     assert split.eta_linear == pytest.approx(0.4 * (values[0] + values[1] + 1.5 * values[2]), abs=2e-3)
 
 
+def test_prediction_is_exact_for_any_contact_directions():
+    rng = np.random.default_rng(1)
+    n = rng.normal(size=(500, 3)) * [1.0, 0.5, 2.0] + [0.3, 0.0, 0.0]
+    n /= np.linalg.norm(n, axis=1)[:, None]
+    A, T = (sff.deviator(rng.normal(scale=0.2, size=(3, 3))) for _ in range(2))
+    f_n = (1.0 + np.einsum("ci,ij,cj->c", n, A, n))[:, None] * n
+    f_t = n @ T - np.einsum("ci,ij,cj->c", n, T, n)[:, None] * n
+    one = np.ones(500)
+    s = Snapshot(np.zeros((2, 3)), one[:2], np.eye(3), np.tile([[0, 1]], (500, 1)), n, n, one, f_n, f_t, one, one)
+    split = sff.stress_force_fabric(s)
+    assert split.eta_predicted == pytest.approx(split.eta, rel=1e-10)
+    assert abs(split.eta_linear / split.eta - 1.0) > 0.01
+
+
 def test_linear_formula_is_the_limit_of_small_anisotropy():
     split = sff.stress_force_fabric(contacts_with(0.01, 0.02, 0.01))
     assert split.eta == pytest.approx(0.4 * (0.01 + 0.02 + 0.015), rel=0.02)

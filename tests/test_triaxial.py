@@ -100,6 +100,19 @@ def test_scatter_is_relative_and_free_of_drift():
     assert c.scatter["eta"] == pytest.approx(0.01 / c.mean["eta"], rel=0.15)
 
 
+def test_a_drift_lost_in_scatter_proves_nothing():
+    rng = np.random.default_rng(5)
+    c = triaxial.critical_state(STRAIN[:301], {"eta": 0.5 + 0.1 * correlated(rng)[:301]})
+    assert not c.steady and "eta's drift over 0.25-0.3 is known to" in c.reason and c.drift_error["eta"] > 0.1
+
+
+def test_a_flat_noisy_curve_is_overestimated_less_than_by_a_narrow_fit():
+    rng = np.random.default_rng(6)
+    flat = [0.5 + 0.01 * correlated(rng) for _ in range(20)]
+    wide, narrow = (np.mean([triaxial.peak_state(STRAIN, y, width).eta for y in flat]) for width in (0.08, 0.02))
+    assert 0.5 < wide < narrow - 0.002
+
+
 def test_short_test_is_kept_and_marked():
     c = triaxial.critical_state(STRAIN[:201], {"eta": 0.65 + 0 * STRAIN[:201]})
     assert not c.steady and "ends at eps_a = 0.2, less than a block of 0.03 past 0.25" in c.reason
