@@ -13,7 +13,7 @@ import numpy as np
 from analysis import surrogate
 
 LEAST = 12  # runs a family before the rule may speak
-SAFETY = 1.15  # for what the draws don't know: that the terms of the surface were themselves chosen from the data
+SAFETY = 1.1  # for what the draws don't know: that the terms of the surface were themselves chosen from the data
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def assess(
     """Judge the runs so far: inputs (Q, 2), responses {name: (Q,) or (T, Q)}, NaN where a run failed.
 
     One set of terms serves all responses.  samples (n, 2) from the joint inputs, n >= 200 (Sobol' mapped through the
-    joint distribution is best); stop_when: "2%" or 0.02; the claimed error is 1.15 times the `confidence` quantile over
+    joint distribution is best); stop_when: "2%" or 0.02; the claimed error is 1.1 times the `confidence` quantile over
     200 surfaces, the worst strain of each response.  Below 12 usable runs nothing is claimed (infinity).
     """
     target = parse_target(stop_when)
