@@ -1,4 +1,4 @@
-"""This machine's cores: yade-batch over exactly the missing rows, stage after stage, judged by the products."""
+"""This machine's cores: yade-batch over exactly the missing rows of every stage, judged by the products."""
 
 from __future__ import annotations
 
@@ -43,9 +43,7 @@ def run_missing(config: Config, folder: Path, rows: list[Row], *, again: bool = 
         _check_machine(folder, missing, config)
         _sweep(folder)
         watch = _Watch(rows, states, config, quiet)
-        for stage in STAGES:
-            _run_stage(config, folder, stage, rows, {row.run_id for row in missing}, watch)
-            fail_refused(folder, look(folder, rows), stage)
+        _run_batches(config, folder, rows, missing, watch)
         watch.progress.end()
         after = look(folder, rows)
         write_blocked(folder, after)
@@ -102,42 +100,60 @@ def _sweep(folder: Path) -> None:
             path.unlink(missing_ok=True)
 
 
-def _run_stage(config: Config, folder: Path, stage: str, rows: list[Row], wanted: set[str], watch: _Watch) -> None:
-    """One yade-batch over the stage's missing rows whose start is there, costliest first."""
-    of_stage = [row for row in rows if row.stage == stage]
-    todo = [(k, row) for k, row in enumerate(of_stage) if row.run_id in wanted]
-    ready = [(k, row) for k, row in todo if not row.start or (folder / row.values["start"]).exists()]
-    if not ready:
-        return
-    lines = ",".join(str(table_line(k)) for k, _ in ready)
-    limits = config.run
+def _run_batches(config: Config, folder: Path, rows: list[Row], missing: list[Row], watch: _Watch) -> None:
+    """One yade-batch a stage over the stage's missing rows, all stages at once.
+
+    A row waits until the run that it starts from is there and until one of the places for runs at once is free (see
+    `campaign.row`), so no core waits for the last run of a stage.
+    """
+    alive, mine = os.pipe()  # its other end closes when this process ends, however it ends; every run watches it
+    with contextlib.ExitStack() as stack:
+        for end in (alive, mine):
+            stack.callback(os.close, end)
+        batches, wanted = {}, {row.run_id for row in missing}
+        for stage in STAGES:
+            _ended(folder, stage).unlink(missing_ok=True)
+            lines = [k for k, row in enumerate(r for r in rows if r.stage == stage) if row.run_id in wanted]
+            if not lines:
+                _ended(folder, stage).touch()
+                continue
+            batches[stage] = _start_batch(config, folder, stage, lines, alive)
+            stack.callback(batches[stage].terminate)
+        while batches:
+            watch.look(folder)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                next(iter(batches.values())).wait(timeout=0.5)
+            for stage in [s for s, batch in batches.items() if batch.poll() is not None]:
+                code = batches.pop(stage).returncode
+                if code:
+                    raise RunError(f"{folder}: yade-batch ended with status {code}; see logs/batch_{stage}.log")
+                fail_refused(folder, look(folder, rows), stage)
+                _ended(folder, stage).touch()
+        watch.look(folder)
+
+
+def _ended(folder: Path, stage: str) -> Path:
+    """A file that tells the rows which wait that nothing more comes from this stage."""
+    return folder / "batch" / f"ended_{stage}"
+
+
+def _start_batch(config: Config, folder: Path, stage: str, rows: list[int], alive: int) -> subprocess.Popen:
+    limits, places = config.run, jobs(config)
     env = closed_doors() | {
         "CAMPAIGN_CPU_LIMIT": repr(limits.cpu_limit), "CAMPAIGN_HANG_MINUTES": repr(limits.hang_minutes),
-        "CAMPAIGN_RETRY": str(int(config.failures.retry)),
+        "CAMPAIGN_RETRY": str(int(config.failures.retry)), "CAMPAIGN_JOBS": str(places), "CAMPAIGN_FRONT": str(alive),
     }  # fmt: skip
     env["PYTHONPATH"] = os.pathsep.join([env["PYTHONPATH"], os.path.relpath(ROOT, folder)])
     env.pop("OMP_NUM_THREADS")  # yade-batch takes it for the number of jobs
     command = [
-        os.environ.get("CAMPAIGN_YADE_BATCH", "yade-batch"), "--jobs", str(jobs(config)), "--job-threads", "1",
-        "--lines", lines, "--log", "logs/@.log", "--plot-update", "0", "--disable-pynotify", "--executable",
-        f"{sys.executable} -m campaign.row", str(table_path(Path(), stage)), script(folder, stage),
+        os.environ.get("CAMPAIGN_YADE_BATCH", "yade-batch"), "--jobs", str(places + 1), "--job-threads", "1",
+        "--lines", ",".join(str(table_line(k)) for k in rows), "--log", "logs/@.log", "--plot-update", "0",
+        "--disable-pynotify", "--executable", f"{sys.executable} -m campaign.row", str(table_path(Path(), stage)),
+        script(folder, stage),
     ]  # fmt: skip
-    alive, mine = os.pipe()  # its other end closes when this process ends, however it ends; every run watches it
-    env["CAMPAIGN_FRONT"] = str(alive)
-    with open(folder / "logs" / f"batch_{stage}.log", "w") as log, os.fdopen(alive), os.fdopen(mine, "w"):
-        child = subprocess.Popen(command, cwd=folder, env=env, stdin=subprocess.DEVNULL, stdout=log, stderr=log,
-                                 preexec_fn=_quiet_child, pass_fds=[alive])  # fmt: skip
-        try:
-            while child.poll() is None:
-                watch.look(folder)
-                with contextlib.suppress(subprocess.TimeoutExpired):
-                    child.wait(timeout=0.5)
-        except BaseException:
-            child.terminate()
-            raise
-    watch.look(folder)
-    if child.returncode:
-        raise RunError(f"{folder}: yade-batch ended with status {child.returncode}; see logs/batch_{stage}.log")
+    with open(folder / "logs" / f"batch_{stage}.log", "w") as log:
+        return subprocess.Popen(command, cwd=folder, env=env, stdin=subprocess.DEVNULL, stdout=log, stderr=log,
+                                preexec_fn=_quiet_child, pass_fds=[alive])  # fmt: skip
 
 
 def _quiet_child() -> None:

@@ -9,6 +9,7 @@ Standard library only, so that starting it costs next to nothing.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import fcntl
 import os
@@ -24,7 +25,7 @@ from pathlib import Path
 
 from campaign.files import read_json, write_text
 from campaign.plan import RETRY_STEP
-from campaign.products import record_sum, write_failure
+from campaign.products import is_locked, record_sum, write_failure
 
 OK, FAILED, ENVIRONMENT, BUSY = 0, 1, 74, 75
 ROOM = 16 << 20
@@ -53,8 +54,10 @@ def run_row(table: Path, line: int, script: str) -> int:
     run_id = product.stem
     if product.exists():
         return OK
+    if (stopped := _wait_for_start(task, product)) is not None:
+        return stopped
     lock_path = product.parent / f".{run_id}.lock"
-    with open(lock_path, "w") as lock:
+    with _slot(), open(lock_path, "w") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -84,16 +87,59 @@ def read_task(table: Path, line: int) -> Task:
     return Task(table, line, dict(zip(names, cells, strict=True)), float(found[1]) if found else 600.0)
 
 
+def _wait_for_start(task: Task, product: Path) -> int | None:
+    """Wait for the product that the run starts from, while a local campaign is still making its stage.
+
+    Returns None when it is there, else how this run ends: with its start's failure, or missing like its start.
+    """
+    if not task.text("start"):
+        return None
+    start = Path(task.text("start"))
+    while True:
+        over = not os.environ.get("CAMPAIGN_JOBS") or Path(f"batch/ended_{start.stem.split('_')[0]}").exists()
+        if start.exists():
+            return None
+        failed = start.with_suffix(".failed.json").exists()
+        if failed and not is_locked(start.parent / f".{start.stem}.lock"):
+            write_failure(product.parent, product.stem, f"its start {start.stem} failed", blocked=start.stem)
+            return FAILED
+        if over:
+            print(f"{product.stem}: its start {start} is not there")
+            return ENVIRONMENT
+        _sleep(0.1)
+
+
+@contextlib.contextmanager
+def _slot():
+    """One of the places for runs at once.  yade-batch keeps one row more in hand, so that no place stays empty."""
+    places = int(os.environ.get("CAMPAIGN_JOBS", "0"))
+    with contextlib.ExitStack() as stack:
+        files = [stack.enter_context(open(f"batch/slot_{k}.lock", "w")) for k in range(places)]
+        while files and not any(_locked_now(file) for file in files):
+            _sleep(0.05)
+        yield
+
+
+def _locked_now(file) -> bool:
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    return True
+
+
+def _front() -> list[int]:
+    """The pipe whose other end the local engine holds: it can be read only once that engine is gone."""
+    return [int(fd) for fd in [os.environ.get("CAMPAIGN_FRONT")] if fd]
+
+
+def _sleep(seconds: float) -> None:
+    if select.select(_front(), [], [], seconds)[0]:
+        os._exit(128 + signal.SIGTERM)
+
+
 def _attempts(task: Task, product: Path, script: str) -> int:
     """The run, and once more with a smaller step where that can help."""
-    start = task.text("start")
-    if start and not Path(start).exists():
-        failure = Path(start).with_suffix(".failed.json")
-        if not failure.exists():
-            print(f"{product.stem}: its start {start} is not there yet")
-            return ENVIRONMENT
-        write_failure(product.parent, product.stem, f"its start {Path(start).stem} failed", blocked=Path(start).stem)
-        return FAILED
     result = _attempt(task, product, script, f"{task.table}:{task.line}")
     if result != FAILED or os.environ.get("CAMPAIGN_RETRY", "1") == "0":
         return result
@@ -173,7 +219,7 @@ def _watch(child: subprocess.Popen, predicted: float) -> str:
     most = float(os.environ.get("CAMPAIGN_CPU_LIMIT", "20")) * predicted
     patience = 60.0 * float(os.environ.get("CAMPAIGN_HANG_MINUTES", "10"))
     used, since = 0.0, time.monotonic()
-    front = [int(fd) for fd in [os.environ.get("CAMPAIGN_FRONT")] if fd]
+    front = _front()
     ended = os.pidfd_open(child.pid)
     while True:
         ready, _, _ = select.select([ended, *front], [], [], min(1.0, patience / 4))

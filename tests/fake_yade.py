@@ -1,8 +1,8 @@
 #!/usr/bin/python3
 """Stands in for `yade` where a test needs many runs or a fault at will; the product is that of `synthetic_runs`.
 
-FAKE_YADE in the environment is JSON: seconds (a run's length), products (a folder with consolidate.h5, probe.h5 and
-shear.h5 to copy, which is quicker) and faults ({part of a run id: "abort", "hang", ...}).
+FAKE_YADE in the environment is JSON: seconds or cpu_seconds (a run's length), products (a folder with consolidate.h5,
+probe.h5 and shear.h5 to copy, which is quicker) and faults ({part of a run id: "abort", "hang", ...}).
 """
 
 import json
@@ -42,6 +42,8 @@ def main() -> None:
     with open("started.txt", "a") as file:
         file.write(f"{row.run_id}\n")
     time.sleep(told.get("seconds", 0.0))
+    while time.process_time() < told.get("cpu_seconds", 0.0):
+        pass
     if fault == "abort":
         os.kill(os.getpid(), signal.SIGABRT)
     if fault == "hang":

@@ -17,9 +17,8 @@ def test_runs_every_row_once_and_a_second_run_starts_nothing(tmp_path):
     small = make_small(tmp_path)
     assert small.command("run").returncode == 0
     assert sorted(small.started()) == sorted(r.run_id for r in small.rows)
-    order = {"consolidate": 0, "probe": 1, "shear": 2}
-    stages = [order[run_id.split("_")[0]] for run_id in small.started()]
-    assert stages == sorted(stages)
+    place = {run_id: k for k, run_id in enumerate(small.started())}
+    assert all(place[row.start] < place[row.run_id] for row in small.rows if row.start)
     sums = small.sums()
     assert small.command("run").returncode == 0
     assert len(small.started()) == 10 and small.sums() == sums
@@ -30,7 +29,7 @@ def test_runs_exactly_what_is_missing(tmp_path):
     finish(small, small.rows[3], small.rows[-1])
     assert small.command("missing").stdout.split() == [small.rows[3].run_id, small.rows[-1].run_id]
     assert small.command("run").returncode == 0
-    assert small.started() == [small.rows[3].run_id, small.rows[-1].run_id]
+    assert sorted(small.started()) == [small.rows[3].run_id, small.rows[-1].run_id]
 
 
 def kill_and_restart(small, kills: int, rng: random.Random, longest: float, **env) -> int:
@@ -126,7 +125,7 @@ LOOPBACK = ("0100007F", "00000000000000000000000001000000")
 
 
 @pytest.mark.yade
-def test_only_the_loopback_page_of_yade_batch_listens_during_a_run(tmp_path):
+def test_only_loopback_pages_of_yade_batch_listen_during_a_run(tmp_path):
     """A real YADE process in a real campaign: nothing on any other address, and nothing at all opened by YADE."""
     small = make_small(tmp_path)
     (tmp_path / "sleep.py").write_text("import time\nopen('up.txt', 'w').write('')\ntime.sleep(2)\n")
@@ -146,7 +145,8 @@ def test_only_the_loopback_page_of_yade_batch_listens_during_a_run(tmp_path):
     os.killpg(run.pid, signal.SIGKILL)
     run.wait()
     assert yade and opened_by_yade == []
-    assert len(sockets) == 1 and sockets[0][0] in LOOPBACK and 9080 <= sockets[0][1] < 11000
+    assert 1 <= len(sockets) <= 3  # a page of each stage's yade-batch
+    assert all(address in LOOPBACK and 9080 <= port < 11000 for address, port in sockets)
 
 
 def _session(proc: Path) -> int:
