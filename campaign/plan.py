@@ -93,8 +93,7 @@ def _chain(rows, config: Config, family: str, packing: int, mu_iso: float, point
     common = {
         "assembly": f"assembly_{packing}.h5", "mu_iso": mu_iso, "sigma_3": config.consolidation.sigma_3_kPa * 1e3,
         "nu": config.material.nu, "rho": config.material.rho, "d50": config.assembly.d50_mm * 1e-3, "seed": packing,
-        "timestep_factor": dem.timestep_factor, "stiffness_scale": dem.stiffness_scale,
-        "density_scaling": int(dem.density_scaling), "heterogeneity": config.material.heterogeneity,
+        "timestep_factor": dem.timestep_factor, "stiffness_scale": 1.0, "density_scaling": int(dem.density_scaling),
     }  # fmt: skip
     where = {"packing": packing, "mu_iso": mu_iso}
     G_first = point["G_p"] if per_point else config.consolidation.G_ref_GPa * 1e9
@@ -102,14 +101,16 @@ def _chain(rows, config: Config, family: str, packing: int, mu_iso: float, point
         config, "consolidate", "shared", point["id"] if per_point else -1, where, math.nan, G_first, "", common
     )
     rows.setdefault(first.run_id, first)
-    swapped = common | {"mu_s": mu_s, "damping": dem.damping}
+    swapped = common | {"mu_s": mu_s, "damping": dem.damping, "heterogeneity": config.material.heterogeneity}
+    if config.material.heterogeneity == "grain":
+        swapped["grains"] = f"grains_{point['id']}.h5"
     probe_only = {"probe_strain": config.probe.strain}
     probe = _row(config, "probe", family, point["id"], where, mu_s, point["G_p"], first.run_id, swapped | probe_only)
     rows.setdefault(probe.run_id, probe)
     shear_only = {
         "inertial_number": config.shear.inertial_number, "strain_end": config.shear.strain_end,
         "windows": config.shear.windows or "default", "stop_when_steady": int(config.shear.stop_when_steady),
-        "snapshots": ",".join(f"{s:g}" for s in config.shear.snapshots),
+        "snapshots": ",".join(f"{s:g}" for s in config.shear.snapshots), "stiffness_scale": dem.stiffness_scale,
     }  # fmt: skip
     shear = _row(config, "shear", family, point["id"], where, mu_s, point["G_p"], probe.run_id, swapped | shear_only)
     rows.setdefault(shear.run_id, shear)

@@ -1,6 +1,7 @@
 """Before the first run: fit the inputs, choose the points, make the assemblies; once, and never again by accident.
 
-`prepare` writes points.csv (id, mu_s, G_p, probability), inputs.json (what was fitted) and assembly_<seed>.h5.  As long
+`prepare` writes points.csv (id, mu_s, G_p, probability), inputs.json (what was fitted), assembly_<seed>.h5, and where
+every grain shall have properties of its own, grains_<point>.h5.  As long
 as the settings of [inputs] and [points] and the pairs stay the same, the points stay the same.
 """
 
@@ -38,6 +39,8 @@ def prepare(config: Config, folder: Path) -> tuple[list[dict], str]:
         write_text(folder / "points.csv", text)
         write_json(folder / "inputs.json", noted | points_note(config, text))
     _make_assemblies(config, folder)
+    if config.material.heterogeneity == "grain":
+        _sample_grains(config, folder, points, noted)
     write_text(folder / "config.toml", config.text)
     return points, word
 
@@ -132,3 +135,22 @@ def _make_assemblies(config: Config, folder: Path) -> None:
 
         write_assembly(path, make_assembly(**made_with), made_with)
         write_json(note, made_with)
+
+
+def _sample_grains(config: Config, folder: Path, points: list[dict], noted: dict) -> None:
+    """grains_<point>.h5: a pair (mu_s, G_p) of its own for every grain, drawn from the fitted joint distribution."""
+    import h5py
+    import numpy as np
+
+    from analysis.joint import Joint
+
+    joint = Joint.from_dict(noted["joint"])
+    for point in points:
+        path = folder / f"grains_{point['id']}.h5"
+        if path.exists():
+            continue
+        rng = np.random.default_rng([config.inputs.seed, point["id"]])
+        part = path.with_suffix(".part")
+        with h5py.File(part, "w") as file:
+            file["mu_s"], file["G_p"] = joint.sample(config.assembly.N, rng).T
+        part.replace(path)
