@@ -11,14 +11,11 @@ import pickle
 import time
 from pathlib import Path
 
-from yade.wrapper import Omega
-
 from yade_scripts import rve
 from yade_scripts.product import load_scene, saved_scene, script_digest
 from yade_scripts.record import Windows
+from yade_scripts.rve import O
 from yade_scripts.start import INHERITED
-
-O = Omega()  # noqa: E741  YADE's own name for its scene
 
 
 class Checkpoint:

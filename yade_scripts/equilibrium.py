@@ -6,13 +6,10 @@ import math
 
 import numpy as np
 from yade import utils
-from yade.wrapper import Omega
 
 from yade_scripts import rve
 from yade_scripts.material import contact_counts
-from yade_scripts.rve import ProofError
-
-O = Omega()  # noqa: E741  YADE's own name for its scene
+from yade_scripts.rve import O, ProofError
 
 MAX_RATE_I = 4e-3  # fastest deformation the servo may use, as an inertial number: faster ones overshoot
 STRESS_LIMIT, FORCE_LIMIT, Z_LIMIT = 0.005, 1e-3, 1e-3  # spec section 2

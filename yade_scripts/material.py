@@ -7,11 +7,9 @@ import math
 import h5py
 import numpy as np
 from yade import utils
-from yade.wrapper import FrictMat, Omega
+from yade.wrapper import FrictMat
 
-from yade_scripts.rve import ProofError, young
-
-O = Omega()  # noqa: E741  YADE's own name for its scene
+from yade_scripts.rve import O, ProofError, young
 
 
 def target(p, mu: float) -> tuple:

@@ -15,11 +15,10 @@ from pathlib import Path
 import h5py
 import numpy as np
 from yade import config
-from yade.wrapper import Omega
 
 from analysis.quantities import RECORD
+from yade_scripts.rve import O
 
-O = Omega()  # noqa: E741  YADE's own name for its scene
 FORMAT, FORMAT_VERSION = "dem-run", 1
 
 

@@ -6,12 +6,10 @@ import math
 
 import numpy as np
 from yade import utils
-from yade.wrapper import Omega
 
 from yade_scripts import rve
 from yade_scripts.material import contact_counts, radii, solid_volume
-
-O = Omega()  # noqa: E741  YADE's own name for its scene
+from yade_scripts.rve import O
 
 #: Sampled often; the window mean is recorded.  The other energies are taken at the window's end.
 _SAMPLED = ("eps_a", "eps_v", "sigma", "cell", "e", "e_m", "Z", "Z_m", "Phi", "f_sliding", "I", "F_unb", "E_kinetic")

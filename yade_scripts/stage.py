@@ -16,14 +16,11 @@ from pathlib import Path
 from types import SimpleNamespace
 
 from yade import utils
-from yade.wrapper import Omega
 
 from analysis.assembly import AssemblyError
 from yade_scripts.product import Product, ProductError
 from yade_scripts.proofs import I_LIMIT
-from yade_scripts.rve import ProofError
-
-O = Omega()  # noqa: E741  YADE's own name for its scene
+from yade_scripts.rve import O, ProofError
 
 #: Parameters that every stage takes, SI units; a table's columns replace them, a command line's table is optional.
 COMMON = {

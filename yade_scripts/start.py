@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from yade.wrapper import Omega
-
 from yade_scripts import equilibrium, rve
 from yade_scripts.material import swap, target
 from yade_scripts.product import load_start
-
-O = Omega()  # noqa: E741  YADE's own name for its scene
+from yade_scripts.rve import O
 
 DAMPING, MAX_STEPS = 0.3, 400_000  # local damping while coming to rest; it is off (p.damping) when shear begins
 #: A run takes these from its start product, unless its own table names them: the packing decides.
