@@ -85,14 +85,22 @@ def _read(row):
         line |= {name: str(run.attrs.get(name, "")) for name in ("created", "yade_version", "script_digest")}
         states = run_states(run) if row.stage in STAGE_STATES else None
         shear = states if row.stage == "shear" else RunStates()
+        line["probe_asymmetry"] = _asymmetry(run.probe)
         line |= {"N": int(run.parameters.get("N", 0)), "critical_from": shear.critical_from, "unsteady": shear.unsteady}
         return line, states
     if not failed.exists():
         raise ResponsesError(f"run {row.run_id}: there is no product {path}")
     line |= {"status": "failed", "reason": str(json.loads(failed.read_text()).get("reason", "no reason given"))}
     line |= dict.fromkeys(TIMES + PROOFS, np.nan) | {"created": "", "yade_version": "", "script_digest": ""}
-    line |= {"N": 0, "critical_from": np.nan, "unsteady": ""}
+    line |= {"probe_asymmetry": np.nan, "N": 0, "critical_from": np.nan, "unsteady": ""}
     return line, None
+
+
+def _asymmetry(probe):
+    """Relative difference of the stiffnesses that the two signs of a probe give, large if contacts slide."""
+    if not probe or "G_0_minus" not in probe:
+        return float("nan")
+    return float(2 * abs(probe["G_0"] - probe["G_0_minus"]) / (probe["G_0"] + probe["G_0_minus"]))
 
 
 def _check(run, row):

@@ -107,14 +107,12 @@ def _points(results, figures):
         for s in ("mu_s", "G_p")
     )
     text = f"{len(results.points)} points with {ranges}" + (f" ({facts})." if facts else ".")
-    text += (
-        " The paper's 100 points span 0.15–0.65 and 16–61 GPa, which its own lognormals do not allow at the lower ends."
-    )
+    text += " The paper's 100 points span 0.15–0.65 and 16–61 GPa; its own lognormals reach lower."
     return webpage.paragraph(text) + _pictures(figures, "fig03", "fig04")
 
 
 def _runs(results):
-    return webpage.table(trust.run_counts(results), "Runs by stage") + "".join(
+    return webpage.table(trust.run_counts(results), "Runs by stage", stack=True) + "".join(
         map(webpage.paragraph, report_text.run_notes(results))
     )
 
@@ -173,17 +171,19 @@ def _sources(results):
     return (
         webpage.paragraph(report_text.SOURCES)
         + webpage.table(
-            frame.sort_values(["quantity", "state", "mu_iso"]), "Shares of the variance over the points", digits=2
+            frame.drop(columns="leave-one-out error").sort_values(["quantity", "state", "mu_iso"]),
+            "Shares of the variance over the points",
+            digits=2,
         )
-        + webpage.table(shown, "Points against Monte Carlo through the response surface (in brackets)")
+        + webpage.table(shown, "Points against Monte Carlo through the response surface (in brackets)", stack=True)
     )
 
 
 def _claims(claims):
     intro = (
-        "Each claim became a number with a 95 % interval from resampling the points. It is held if the whole interval "
-        "meets the criterion, not held if none of it does, and open otherwise; the criteria are this project's reading "
-        "of the paper's words."
+        "Each claim became a number with a 95 % interval from resampling the points, with one run's standard error as "
+        "a shift common to all points of a density. It is held if the whole interval meets the criterion, not held if "
+        "none of it does, and open otherwise; the criteria are this project's reading of the paper's words."
     )
     frame = claims.assign(
         interval=[
@@ -225,6 +225,7 @@ def _trust(results):
             trust.noise(results),
             "How much of a spread is noise: standard deviation over the points, "
             "standard error of one run's critical average, scatter between packings",
+            stack=True,
         )
     )
     parts.append(
@@ -233,7 +234,11 @@ def _trust(results):
             "Width of the shown densities: kernel against the spread of the points, at the last strain",
         )
     )
-    parts.append(webpage.table(trust.losses(results), "Failed and continued shear runs, and the probability they held"))
+    parts.append(
+        webpage.table(
+            trust.losses(results), "Failed and continued shear runs, and the probability they held", stack=True
+        )
+    )
     return "".join(parts)
 
 

@@ -112,7 +112,8 @@ def state_pdfs(axis, results, state, symbol, family="coupled", legend=False):
     axis.set_xlabel(style.label(symbol))
     axis.set_ylabel(style.pdf_label(symbol))
     if legend:
-        axis.legend(loc="best")
+        axis.set_ylim(top=1.35 * axis.get_ylim()[1])
+        axis.legend(loc="upper right", ncols=1)
 
 
 def density_factor(symbol):

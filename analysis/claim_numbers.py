@@ -1,0 +1,217 @@
+"""The numbers behind the claims: statistics of one family's points, as they are or drawn anew.
+
+Each function takes {family: Sample} and returns one number, NaN where the campaign cannot give it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from scipy import special
+
+from analysis import paper, pdem, triaxial, weighted
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One family's points, drawn once: states and curves of D densities at Q points, with weights (D, Q).
+
+    shift (D,) is the common error of each density in units of one run's standard error; zeros: none.
+    """
+
+    results: object
+    family: str
+    densities: tuple[float, ...]
+    index: np.ndarray
+    shift: np.ndarray
+    store: dict
+
+    @property
+    def weight(self):
+        """Weights (D, Q) of the drawn points, each density's summing to 1."""
+        drawn = self._load("weight", self.results.weights)[:, self.index]
+        total = drawn.sum(axis=1, keepdims=True)
+        return drawn / np.where(total > 0, total, np.nan)
+
+    def state(self, state, symbol):
+        """Values (D, Q) of a quantity at a state, with the densities' common errors."""
+        values = self._load((state, symbol), partial(self.results.state, state, symbol))[:, self.index]
+        common = self._load((state, symbol, "error"), partial(self._error, state, symbol))
+        return values + (self.shift * common)[:, None]
+
+    def spread(self, state, symbol):
+        """Standard deviation (D,) of a quantity at a state over all points, not those drawn."""
+        values = self._load((state, symbol), partial(self.results.state, state, symbol))
+        return weighted.std(values, self._load("weight", self.results.weights))
+
+    def curve(self, symbol):
+        """Values (D, T, Q) of a response along strain."""
+        read = self.results.response
+        return self._load(symbol, lambda *where: read(symbol, *where).values)[:, :, self.index]
+
+    @property
+    def smoother(self):
+        """Matrix (T, T) that smooths a curve along strain, over 4 % to either side."""
+        strain = self.results.strain
+        if "smoother" not in self.store:
+            self.store["smoother"] = triaxial.smooth(strain, np.eye(len(strain)), width=0.04)
+        return self.store["smoother"]
+
+    def driver(self, symbol):
+        """Values (Q,) of an input at the points."""
+        return self._load(("points", symbol), None)[self.index]
+
+    def _error(self, state, symbol, mu_iso, family):
+        """Standard error of one run at a density, root mean square over the points; 0 where it is not known."""
+        errors = self.results.state_error(state, symbol, mu_iso, family)
+        return 0.0 if errors is None else float(np.nan_to_num(np.sqrt(np.nanmean(errors**2))))
+
+    def _load(self, key, read):
+        if key not in self.store:
+            if read is None:
+                self.store[key] = self.results.family_points(self.family)[key[1]].to_numpy()
+            else:
+                self.store[key] = np.array([read(mu_iso, self.family) for mu_iso in self.densities])
+        return self.store[key]
+
+
+def full_sample(results, family):
+    """All points of a family as they are, without common errors."""
+    count = len(results.family_points(family))
+    densities = results.family_densities(family)
+    return Sample(results, family, densities, np.arange(count), np.zeros(len(densities)), {})
+
+
+def drawn_sample(sample, rng):
+    """The same points drawn with replacement, with a common error for each density."""
+    count = len(sample.index)
+    return replace(sample, index=rng.integers(count, size=count), shift=rng.normal(size=len(sample.densities)))
+
+
+def _distance(sample, state, symbol, a, b):
+    """Wasserstein distance of two densities over the mean standard deviation of all their points."""
+    values, weight = sample.state(state, symbol)[[a, b]], sample.weight[[a, b]]
+    spread = sample.spread(state, symbol)[[a, b]].mean()
+    return weighted.wasserstein(*values, *weight) / spread if spread > 0 else np.nan
+
+
+def largest_distance(samples, state, symbol):
+    """Largest Wasserstein distance of two densities over the mean standard deviation of the two."""
+    sample, count = samples["coupled"], len(samples["coupled"].densities)
+    pairs = [(a, b) for a in range(count) for b in range(a)]
+    return max(_distance(sample, state, symbol, a, b) for a, b in pairs) if pairs else np.nan
+
+
+def end_distance(samples, state, symbol):
+    """Wasserstein distance of the densest and the loosest over the mean standard deviation of the two."""
+    sample = samples["coupled"]
+    return _distance(sample, state, symbol, 0, -1) if len(sample.densities) > 1 else np.nan
+
+
+def share_within(samples, state, symbol, mu_iso, low, high):
+    """Probability of a range under the points with their kernel, as the shown density has it."""
+    sample = samples["coupled"]
+    k = sample.densities.index(mu_iso)
+    values, weight = sample.state(state, symbol)[k], sample.weight[k]
+    known = np.isfinite(values)
+    values, weight = values[known], weight[known] / weight[known].sum()
+    width = max(pdem.kernel_width(values[None], weight[None])[0], 1e-9 * abs(high))
+    return weight @ (special.ndtr((high - values) / width) - special.ndtr((low - values) / width))
+
+
+def effect_of_G_p(samples, alone):
+    """Change of critical eta by one standard deviation of ln G_p, at most, over the spread of eta with both varying.
+
+    alone: by regression on ln G_p in the family with mu_s fixed; otherwise on ln mu_s (quadratic) and ln G_p.
+    """
+    both, sample = samples["coupled"], samples["G_p" if alone else "coupled"]
+    log_G, log_mu = np.log(sample.driver("G_p")), np.log(sample.driver("mu_s"))
+    effects = []
+    for k, eta in enumerate(sample.state("critical", "eta")):
+        known = np.isfinite(eta) & (sample.weight[k] > 0)
+        columns = [np.ones(known.sum()), log_G[known]] + ([] if alone else [log_mu[known], log_mu[known] ** 2])
+        root = np.sqrt(sample.weight[k][known])
+        slope = np.linalg.lstsq(np.stack(columns, 1) * root[:, None], eta[known] * root, rcond=None)[0][1]
+        effects.append(abs(slope) * weighted.std(log_G, sample.weight[k]))
+    spread = max(weighted.std(both.state("critical", "eta"), both.weight))
+    return max(effects) / spread if spread > 0 else np.nan
+
+
+def stiffness_follows_G_p(samples):
+    """Least correlation of ln G_0 with ln G_p over the densities."""
+    sample = samples["coupled"]
+    log_G = np.log(sample.driver("G_p"))
+    stiffness = np.log(sample.state("probe", "G_0"))
+    return min(weighted.correlation(y, log_G, w) for y, w in zip(stiffness, sample.weight, strict=True))
+
+
+def stiffness_gain(samples):
+    """Mean of G_0 of the densest over G_0 of the loosest at the same point, minus one."""
+    values = samples["coupled"].state("probe", "G_0")
+    return weighted.mean(values[0] / values[-1] - 1, samples["coupled"].weight[0]) if len(values) > 1 else np.nan
+
+
+def least_correlation(samples, symbol, sign):
+    """Least correlation over the densities of critical eta with a quantity (sign 1) or with its negative (sign -1)."""
+    sample = samples["coupled"]
+    pairs = zip(sample.state("critical", "eta"), sample.state("critical", symbol), sample.weight, strict=True)
+    return min(sign * weighted.correlation(eta, other, weight) for eta, other, weight in pairs)
+
+
+def steady_strain(samples, symbol, tolerance):
+    """Strain beyond which the smoothed mean of every density stays within a relative tolerance of its final average."""
+    sample = samples["coupled"]
+    strain = sample.results.strain
+    if strain[-1] < paper.STEADY_STRAIN + 2 * triaxial.CORRELATION_STRAIN:
+        return np.nan
+    last = strain >= max(paper.STEADY_STRAIN, 0.75 * strain[-1])
+    starts = []
+    for values, weight in zip(sample.curve(symbol), sample.weight, strict=True):
+        mean = sample.smoother @ weighted.mean(values, weight)
+        final = mean[last].mean()
+        off = np.flatnonzero(np.abs(mean / final - 1) > tolerance)
+        starts.append(strain[min(off[-1] + 1, len(strain) - 1)] if len(off) else strain[0])
+    return max(starts)
+
+
+def _grading_values(samples):
+    sample = samples["coupled"]
+    return [(sample.state(state, symbol), sample.weight) for state in ("peak", "critical")
+            for symbol in ("I_G_active", "I_G_stress")]  # fmt: skip
+
+
+def grading_distance(samples):
+    """Largest distance of a mean of I_G_active or I_G_stress from the paper's index, at peak and critical state."""
+    return max(np.max(np.abs(weighted.mean(v, w) - paper.GRADING_INDEX)) for v, w in _grading_values(samples))
+
+
+def grading_cov(samples):
+    """Largest coefficient of variation of I_G_active and I_G_stress, at peak and critical state."""
+    return max(np.max(weighted.cov(v, w)) for v, w in _grading_values(samples))
+
+
+def _initial(samples, symbol):
+    return samples["coupled"].state("initial", symbol), samples["coupled"].weight
+
+
+def initial_step(samples):
+    """Least relative step of e, e_m (up) and Z, Z_m (down) between neighbouring densities before shear."""
+    steps = []
+    for symbol, sign in (("e", 1), ("e_m", 1), ("Z", -1), ("Z_m", -1)):
+        mean = weighted.mean(*_initial(samples, symbol))
+        steps.extend(sign * np.diff(mean) / mean[1:])
+    return min(steps)
+
+
+def initial_difference(samples):
+    """Largest relative difference of the initial means from Table 3."""
+    places = {mu_iso: k for k, mu_iso in enumerate(samples["coupled"].densities)}
+    return max(abs(weighted.mean(*_initial(samples, symbol))[places[mu_iso]] / mean - 1)
+               for (symbol, mu_iso), (mean, _) in paper.INITIAL_STATE.items() if mu_iso in places)  # fmt: skip
+
+
+def initial_cov(samples):
+    """Largest coefficient of variation of e, e_m, Z and Z_m before shear."""
+    return max(np.max(weighted.cov(*_initial(samples, symbol))) for symbol in ("e", "e_m", "Z", "Z_m"))
