@@ -13,6 +13,7 @@ from analysis import sensitivity, surrogate, weighted
 from analysis.joint import Joint
 from analysis.quantities import QUANTITIES
 from analysis.results import read_results
+from analysis.stopping import LEAST
 
 #: States and quantities that are pooled.
 POOLED = (("peak", "eta"), ("critical", "eta"), ("critical", "e"), ("critical", "Z"), ("critical", "Phi_dev"),
@@ -25,7 +26,7 @@ def variance_sources(results, power=12) -> pd.DataFrame:
 
     The two properties depend on each other, so most of what mu_s tells G_p tells too: `shared` is what either of them
     explains, `only mu_s` and `only G_p` what one adds to the other (independent total indices), `noise` what the
-    response surface leaves over.  2^power samples of the joint distribution; a density with fewer than five runs has no
+    response surface leaves over.  2^power samples of the joint distribution; a density with fewer than 12 runs has no
     rows.  `leave-one-out error` is the surface's, over the standard deviation of the points.
     """
     rows = []
@@ -70,5 +71,5 @@ def _surfaces(results, power):
                 continue
             values = results.state(state, symbol, mu_iso)
             spread = float(weighted.std(values, results.weights(mu_iso)))
-            if np.isfinite(values).sum() >= 5 and spread > 0:
+            if np.isfinite(values).sum() >= LEAST and spread > 0:
                 yield mu_iso, state, symbol, surrogate.fit(points, values), samples, spread

@@ -12,6 +12,7 @@ from analysis.claims import HELD, NOT_HELD, OPEN
 from analysis.figures import FIGURES, write_figures
 from analysis.quantities import QUANTITIES
 from analysis.results import read_results
+from analysis.stopping import LEAST
 
 
 def write_report(results, folder) -> Path:
@@ -161,7 +162,7 @@ def _peak_critical(results):
 def _sources(results):
     frame = tables.variance_sources(results)
     if not len(frame):
-        return webpage.paragraph("Too few runs for a response surface over the two properties.")
+        return webpage.paragraph(f"Too few runs for a response surface: at least {LEAST} points a density.")
     check = tables.monte_carlo_check(results)
     check = check[check["quantity"].isin(["eta", "G_0"])]
     columns = {f"{name} (MC)": [f"{webpage.number(a)} ({webpage.number(b)})" for a, b in
@@ -218,7 +219,7 @@ def _design(results):
 
 
 def _trust(results):
-    parts = [webpage.table(trust.proofs(results), "What every run proves about itself, over all shear runs")]
+    parts = [webpage.table(trust.proofs(results), "What every shear run proves about itself", stack=True)]
     parts += map(webpage.paragraph, report_text.proof_notes(results))
     parts.append(
         webpage.table(

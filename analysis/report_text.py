@@ -6,6 +6,8 @@ import numpy as np
 
 from analysis import paper, weighted
 from analysis.claims import HELD, NOT_HELD, OPEN
+from analysis.quantities import QUANTITIES
+from analysis.tables import parameter
 
 SIGNS = {"mu_s": "μ_s", "G_p": "G_p", "e": "e", "e_m": "e_m", "Z": "Z", "Z_m": "Z_m", "eta": "η"}
 
@@ -85,12 +87,15 @@ def in_short(results, claims) -> list[str]:
             f"Stress ratio at the {state} state, mean ± standard deviation from the densest to the loosest: "
             f"{', '.join(numbers)} (the paper: {stated})."
         )
-    for outcome in (NOT_HELD, OPEN):
+    held = int((claims["verdict"] == HELD).sum())
+    parts.append(f"{held} of {len(claims)} claims are held.")
+    for outcome, words in ((NOT_HELD, "not held"), (OPEN, "that can't be told at this size")):
         named = claims.loc[claims["verdict"] == outcome, "claim"]
         if len(named):
-            parts.append(f"Claims {outcome if outcome == NOT_HELD else 'that ' + outcome}: {'; '.join(named)}.")
-    held = int((claims["verdict"] == HELD).sum())
-    return [*parts, f"{held} of {len(claims)} claims are held."]
+            parts.append(
+                f"Claims {words}: " + ("; ".join(named) if len(named) <= 5 else f"{len(named)}, see the table") + "."
+            )
+    return parts
 
 
 def source(results) -> str:
@@ -110,11 +115,14 @@ def marginals_against_paper(results) -> str:
         if not fits:
             continue
         best = next(iter(fits))
-        values = list(fits[family]["params"].values()) if family in fits else []
-        ours = ", ".join(f"{k} = {v:.4g}" for k, v in fits[family]["params"].items()) if values else "not fitted"
+        quantity = QUANTITIES[symbol]
+        ours = "not fitted"
+        if family in fits:
+            ours = ", ".join(parameter(symbol, k, v) for k, v in fits[family]["params"].items())
         parts.append(
-            f"{SIGNS[symbol]}: smallest AIC for {best}; {family} here {ours}; the paper's median {median:.3g}, "
-            f"sigma_ln {width:g}, D = {distance:g}"
+            f"{SIGNS[symbol]}: smallest AIC for {best}; {family} here {ours}; the paper's median "
+            f"{median * quantity.shown_factor:g} {quantity.shown_unit}".rstrip()
+            + f", sigma_ln {width:g}, D = {distance:g}"
         )
     return (
         ". ".join(parts)

@@ -38,7 +38,7 @@ def marginals(results) -> pd.DataFrame:
     for symbol, fits in results.inputs["marginals"].items():
         for rank, fit in enumerate(fits, start=1):
             errors = fit.get("se") or {}
-            params = "; ".join(_parameter(symbol, k, v, errors.get(k, np.nan)) for k, v in fit["params"].items())
+            params = "; ".join(parameter(symbol, k, v, errors.get(k, np.nan)) for k, v in fit["params"].items())
             rest = {k: v for k, v in fit.items() if k not in ("family", "params", "se")}
             rows.append({"property": symbol, "rank": rank, "family": fit["family"], "parameters": params} | rest)
     return pd.DataFrame(rows)
@@ -110,12 +110,13 @@ def points(results) -> pd.DataFrame:
     return frame.assign(G_p=frame["G_p"] * QUANTITIES["G_p"].shown_factor).rename(columns={"G_p": "G_p (GPa)"})
 
 
-def _parameter(symbol, name, value, error):
+def parameter(symbol, name, value, error=np.nan) -> str:
     """A parameter with its standard error, in the shown unit if it is large enough to carry the property's unit."""
     quantity = QUANTITIES[symbol]
     carries = abs(value) * quantity.shown_factor > 1e-3 and quantity.shown_factor != 1.0
     factor, unit = (quantity.shown_factor, f" {quantity.shown_unit}") if carries else (1.0, "")
-    return f"{name} = {value * factor:.5g} ± {error * factor:.2g}{unit}"
+    spread = f" ± {error * factor:.2g}" if np.isfinite(error) else ""
+    return f"{name} = {value * factor:.5g}{spread}{unit}"
 
 
 def _state_row(results, family, mu_iso, state, symbol, weight):

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import h5py
 import numpy as np
 import pytest
 import synthetic_results as synthetic
 
 from analysis import paper, weighted
 from analysis.claims import HELD, NOT_HELD, OPEN, claims_table, verdict
+from analysis.responses import build_results
 from analysis.results import read_results
 
 
@@ -84,3 +86,22 @@ def test_the_interval_holds_the_value_and_is_repeatable(results, table):
     assert again.equals(table)
     smooth = table[~table["number"].str.contains("largest|least|Wasserstein")]
     assert ((smooth["from"] <= smooth["value"] + 1e-9) & (smooth["value"] <= smooth["to"] + 1e-9)).all()
+
+
+def test_noise_common_to_a_density_does_not_refute_a_claim(tmp_path):
+    """Three densities that differ at the critical state only by an error of the size that their runs state."""
+    plan, points, settings = synthetic.make_campaign(tmp_path, n=8, noise=0.02)
+    path = build_results(tmp_path, plan, points, settings)
+    claim = "At the critical state the PDFs of the stress ratio coincide for all densities"
+    with h5py.File(path, "r+") as file:
+        for mu_iso, shift in zip(synthetic.DENSITIES, (-1.0, 1.2, 0.3), strict=True):
+            base = file[f"families/coupled/{mu_iso:g}"]
+            base["states/critical/eta"][...] = synthetic.critical_eta(points["mu_s"].to_numpy()) + 0.03 * shift
+            base["errors/critical/eta"][...] = 0.03
+    row = claims_table(path, n_boot=100).set_index("claim").loc[claim]
+    assert row["value"] > 0.5 and row["verdict"] == OPEN
+    with h5py.File(path, "r+") as file:
+        for mu_iso in synthetic.DENSITIES:
+            file[f"families/coupled/{mu_iso:g}/errors/critical/eta"][...] = 1e-4
+    row = claims_table(path, n_boot=100).set_index("claim").loc[claim]
+    assert row["verdict"] == NOT_HELD
