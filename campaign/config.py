@@ -78,7 +78,7 @@ class Shear:
 
 @dataclass(frozen=True)
 class Probe:
-    strain: float = key(1e-5, float, 1e-8, 1e-3)
+    strain: float = key(1e-6, float, 1e-8, 1e-3)
 
 
 @dataclass(frozen=True)

@@ -101,8 +101,8 @@ def set_engines(p, calc_energy: bool = False) -> None:
             maxUnbalanced=1e-12,
             label="servo",
         ),
+        PyRunner(iterPeriod=1, dead=True, label="watch"),  # here places and forces belong together
         NewtonIntegrator(damping=p.damping, label="newton"),
-        PyRunner(iterPeriod=1, dead=True, label="watch"),
     ]
     O.dt = rayleigh_step(p) / 3.0
 
@@ -125,7 +125,7 @@ def use_contact_time_step(p) -> None:
 
 
 def servo_mass(p) -> float:
-    """Inertia of the servo's cell, kg/m: a twentieth of the grains' mass over the edge, so that N needs no retuning."""
+    """Inertia of the servo's cell, kg/m: a small share of the grains' mass over the edge, so that N needs no retuning."""
     return p.servo_mass * p.rho * 0.62 * O.cell.volume ** (2.0 / 3.0)
 
 

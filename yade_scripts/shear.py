@@ -44,6 +44,7 @@ def protocol(p, product) -> None:
             product.snapshots.append(snapshot("strain", sample["eps_a"]))
             wanted.pop(0)
         if windows.full() or (p.stop_when_steady and is_steady(windows.rows)):
+            product.snapshots.append(snapshot("end", sample["eps_a"]))
             O.pause()
         else:
             checkpoint.save_when_due(windows)
@@ -51,7 +52,6 @@ def protocol(p, product) -> None:
     rve.every(sampling_period(p, windows), watch)
     rve.run(10**9)
     product.record = windows.arrays()
-    product.snapshots.append(snapshot("end", windows.rows[-1]["eps_a"]))
     product.proofs = shear_proofs(p, windows)
     product.exit_reason = "strain_end" if windows.full() else "steady"
     product.write()

@@ -45,10 +45,10 @@ COMMON = {
     "strain_end": 0.40,
     "windows": "default",
     "snapshots": "",
-    "probe_strain": 1e-5,
+    "probe_strain": 1e-6,
     "stop_when_steady": 0,
     "checkpoint_seconds": 120.0,
-    "servo_mass": 0.05,  # of the grains' mass over the cell's edge, and the servo's damping: hold sigma_3 for any N
+    "servo_mass": 0.005,  # of the grains' mass over the cell's edge, and the servo's damping: hold sigma_3 for any N
     "servo_damping": 0.8,
 }
 

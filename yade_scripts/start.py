@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
+
 from yade_scripts import equilibrium, rve
-from yade_scripts.material import swap, target
+from yade_scripts.material import current, swap, target
 from yade_scripts.product import load_start
 from yade_scripts.rve import O
 
 DAMPING, MAX_STEPS = 0.3, 400_000  # local damping while coming to rest; it is off (p.damping) when shear begins
+STIFFENING_TIMES, STIFFENING_INCREMENTS = 5.0, 100  # inertial times over which G_p changes, and in how many increments
 #: A run takes these from its start product, unless its own table names them: the packing decides.
 INHERITED = ("N", "sigma_ln", "seed", "mu_iso", "assembly")
 
@@ -31,6 +36,29 @@ def begin(p, quiet: float = equilibrium.FORCE_LIMIT, calc_energy: bool = False) 
     if same:
         O.run(1, True)  # the contact law knows its scene only after a step
         return {}
-    mu, G = target(p, p.mu_s)
-    swap(mu, G, p.nu, p.rho)
+    stiffen(p)
+    swap(*target(p, p.mu_s), p.nu, p.rho)
     return equilibrium.reach(p, equilibrium.window_steps(p) // 2, MAX_STEPS, DAMPING, quiet)
+
+
+def stiffen(p) -> None:
+    """Lead the shear modulus to this run's at constant stress and with the friction of consolidation.
+
+    A sudden change would multiply the stress; unloading from there opens contacts that do not close again (at twice the
+    modulus a dense packing lost a tenth of them).  The last value, per grain where asked for, is set by `swap`.
+    """
+    mu, before = current()
+    after = float(np.exp(np.mean(np.log(target(p, p.mu_s)[1]))))
+    if abs(after / before - 1.0) < 1e-3:
+        return
+    steps = math.ceil(STIFFENING_TIMES * equilibrium.inertial_time(p) / O.dt)
+    begin_at, period = O.iter, max(1, steps // STIFFENING_INCREMENTS)
+
+    def increment():
+        done = min(1.0, (O.iter - begin_at) / steps)
+        swap(mu, before * (after / before) ** done, p.nu, p.rho)
+
+    rve.engine("newton").damping = DAMPING
+    rve.servo_isotropic(p, p.sigma_3, equilibrium.MAX_RATE_I / equilibrium.inertial_time(p))
+    rve.every(period, increment)
+    rve.run(steps)
