@@ -125,7 +125,7 @@ def use_contact_time_step(p) -> None:
 
 
 def servo_mass(p) -> float:
-    """Inertia of the servo's cell, kg/m: a small share of the grains' mass over the edge, so that N needs no retuning."""
+    """Inertia of the servo's cell, kg/m: a share of the grains' mass over the edge, so that N needs no retuning."""
     return p.servo_mass * p.rho * 0.62 * O.cell.volume ** (2.0 / 3.0)
 
 
