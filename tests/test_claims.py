@@ -90,7 +90,7 @@ def test_the_interval_holds_the_value_and_is_repeatable(results, table):
 
 def test_noise_common_to_a_density_does_not_refute_a_claim(tmp_path):
     """Three densities that differ at the critical state only by an error of the size that their runs state."""
-    plan, points, settings = synthetic.make_campaign(tmp_path, n=8, noise=0.02)
+    plan, points, settings = synthetic.make_campaign(tmp_path, n=5, noise=0.02)
     path = build_results(tmp_path, plan, points, settings)
     claim = "At the critical state the PDFs of the stress ratio coincide for all densities"
     with h5py.File(path, "r+") as file:
@@ -98,10 +98,10 @@ def test_noise_common_to_a_density_does_not_refute_a_claim(tmp_path):
             base = file[f"families/coupled/{mu_iso:g}"]
             base["states/critical/eta"][...] = synthetic.critical_eta(points["mu_s"].to_numpy()) + 0.03 * shift
             base["errors/critical/eta"][...] = 0.03
-    row = claims_table(path, n_boot=100).set_index("claim").loc[claim]
+    row = claims_table(path, n_boot=40).set_index("claim").loc[claim]
     assert row["value"] > 0.5 and row["verdict"] == OPEN
     with h5py.File(path, "r+") as file:
         for mu_iso in synthetic.DENSITIES:
             file[f"families/coupled/{mu_iso:g}/errors/critical/eta"][...] = 1e-4
-    row = claims_table(path, n_boot=100).set_index("claim").loc[claim]
+    row = claims_table(path, n_boot=40).set_index("claim").loc[claim]
     assert row["verdict"] == NOT_HELD

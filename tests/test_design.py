@@ -21,7 +21,7 @@ def test_friction_angle_of_a_mohr_circle():
 def test_characteristic_angles_of_known_points(tmp_path):
     plan, points, settings = synthetic.make_campaign(tmp_path, n=14)
     results = read_results(build_results(tmp_path, plan, points, settings))
-    frame = design_table(results, n_boot=25).set_index(["mu_iso", "state"])
+    frame = design_table(results, n_boot=15).set_index(["mu_iso", "state"])
     assert len(frame) == 6
     order = np.argsort(points["mu_s"].to_numpy())
     middle = np.cumsum(points["probability"].to_numpy()[order]) - 0.5 * points["probability"].to_numpy()[order]

@@ -76,7 +76,9 @@ def test_every_density_integrates_to_one(campaign):
     results = campaign[-1]
     for mu_iso in synthetic.DENSITIES:
         for symbol in results.symbols(mu_iso):
-            density = results.response(symbol, mu_iso).density
+            response = results.response(symbol, mu_iso)
+            density = response.density
+            assert (density.p * density.x).sum(axis=1) * density.dx == pytest.approx(response.mean, rel=1e-6, abs=1e-9)
             assert np.abs(density.p.sum(axis=1) * density.dx - 1).max() < 1e-8
             assert density.p.min() >= 0
 
