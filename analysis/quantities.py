@@ -39,11 +39,11 @@ def _table(*rows: Quantity) -> dict[str, Quantity]:
     return {row.symbol: row for row in rows}
 
 
-_kPa = dict(shown_unit="kPa", shown_factor=1e-3)
-_MPa = dict(shown_unit="MPa", shown_factor=1e-6)
-_GPa = dict(shown_unit="GPa", shown_factor=1e-9)
-_mm = dict(shown_unit="mm", shown_factor=1e3)
-_pct = dict(shown_unit="%", shown_factor=100.0)
+_kPa = {"shown_unit": "kPa", "shown_factor": 1e-3}
+_MPa = {"shown_unit": "MPa", "shown_factor": 1e-6}
+_GPa = {"shown_unit": "GPa", "shown_factor": 1e-9}
+_mm = {"shown_unit": "mm", "shown_factor": 1e3}
+_pct = {"shown_unit": "%", "shown_factor": 100.0}
 
 #: What a run is given.
 INPUTS = _table(
@@ -68,7 +68,7 @@ RECORD = _table(
              r"\sigma_{ij}", **_kPa),
     Quantity("cell", "Cell edges", "m", "edge lengths of the periodic cell", shape="3", tex="L_i", **_mm),
     Quantity("e", "Void ratio", "1", "(V - V_s) / V_s", tex="e"),
-    Quantity("e_m", "Mechanical void ratio", "1", "void ratio with particles of fewer than two contacts counted as void",
+    Quantity("e_m", "Mechanical void ratio", "1", "void ratio in which particles of fewer than two contacts are void",
              tex="e_m"),
     Quantity("Z", "Coordination number", "1", "2 N_c / N", tex="Z"),
     Quantity("Z_m", "Mechanical coordination number", "1", "(2 N_c - N_1) / (N - N_0 - N_1)", "Thornton 2000",

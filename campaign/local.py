@@ -174,7 +174,7 @@ class _Watch:
     def look(self, folder: Path) -> None:
         names = os.listdir(folder / "products")
         done = [n[:-3] for n in names if n.endswith(".h5") and n[:-3] in self.cost]
-        failed = [n for n in names if n.endswith(".failed.json")]
+        failed = [n for n in names if n.endswith(".failed.json") and n.removesuffix(".failed.json") in self.cost]
         running = sum(n.endswith(".lock") for n in names)
         spent = time.monotonic() - self.began
         share = sum(self.cost[r] for r in done) / sum(self.cost.values())

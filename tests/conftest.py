@@ -1,4 +1,4 @@
-"""Makes the packages importable from the root, and skips nothing silently: a YADE test without YADE is an error by default."""
+"""Makes the packages importable from the repository's root."""
 
 from __future__ import annotations
 
