@@ -78,7 +78,8 @@ def test_every_density_integrates_to_one(campaign):
         for symbol in results.symbols(mu_iso):
             response = results.response(symbol, mu_iso)
             density = response.density
-            assert (density.p * density.x).sum(axis=1) * density.dx == pytest.approx(response.mean, rel=1e-5, abs=1e-6)
+            middle = (density.p * density.x).sum(axis=1) * density.dx
+            assert np.abs(middle - response.mean).max() < 0.01 * density.dx.max()
             assert np.abs(density.p.sum(axis=1) * density.dx - 1).max() < 1e-8
             assert density.p.min() >= 0
 
