@@ -172,7 +172,7 @@ def _sources(results):
     return (
         webpage.paragraph(report_text.SOURCES)
         + webpage.table(
-            frame.drop(columns="leave-one-out error").sort_values(["quantity", "state", "mu_iso"]),
+            frame.drop(columns="leave-one-out error").round(2).sort_values(["quantity", "state", "mu_iso"]),
             "Shares of the variance over the points",
             digits=2,
         )
