@@ -114,8 +114,8 @@ def _write_response(out, symbol, values, group, strain, settings):
     with h5py.File("density", "w", driver="core", backing_store=False) as memory:
         density.to_hdf5(memory)
         for name, dataset in memory.items():
-            values = _rounded(dataset[()]) if name == "pdf" else dataset[()]
-            out.create_dataset(name, data=values, **(SQUEEZE if dataset.size > 1000 else {}))
+            data = _rounded(dataset[()]) if name == "pdf" else dataset[()]
+            out.create_dataset(name, data=data, **(SQUEEZE if dataset.size > 1000 else {}))
         out.attrs.update(dict(memory.attrs) | {"unit": QUANTITIES[symbol].unit, "name": QUANTITIES[symbol].name})
     _write_array(out, "values", values, symbol)
     out.create_dataset("extended", data=group.extended, **SQUEEZE)
