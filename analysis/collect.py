@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from analysis import runfile, weighted
+from analysis import runfile, stopping, weighted
 from analysis.run_states import RunStates, run_states
 
 COLUMNS = ("run_id", "stage", "family", "point", "packing", "mu_iso", "mu_s", "G_p", "product")
 CHECKED = {"consolidate": ("G_p", "mu_iso"), "shear": ("mu_s", "G_p", "mu_iso"), "probe": ("mu_s", "G_p", "mu_iso")}
 STAGE_STATES = {"shear": ("initial", "peak", "critical"), "probe": ("probe",)}
 TIMES = ("steps", "cpu_seconds", "wall_seconds", "particle_steps_per_cpu_second")
+SURFACE = 5  # runs below which there is no response surface
 PROOFS = ("max_inertial_number", "servo_mean_error", "servo_max_error", "energy_error", "F_unb")
 
 
@@ -28,7 +29,8 @@ class FamilyDensity:
     """All runs of one family at one density on the common strain grid of T strains: Q points, R packings.
 
     `values` are averages over the packings, `replicates` the packings one by one; NaN where a run failed.  `weight`
-    (Q,) is zero for a point without a run and sums to 1; `lost_probability` is what was redistributed.
+    (Q,) is zero for a point without a run and sums to 1; `lost_probability` is what was redistributed.  `filled` (Q,)
+    marks points that were not run: their values and states are those of the response surface through the others.
     """
 
     family: str
@@ -38,6 +40,7 @@ class FamilyDensity:
     packings: tuple
     weight: np.ndarray
     lost_probability: float
+    filled: np.ndarray
     extended: np.ndarray
     values: dict[str, np.ndarray]
     replicates: dict[str, np.ndarray]
@@ -52,6 +55,7 @@ def collect(plan, points):
 
     grains is (diameter (N,) m, grading dict) of the first run that has a snapshot.  Raises ResponsesError for a
     missing product, other parameters than the plan's, a plan without needed columns, or points it does not know.
+    Rows with the plan's status "spared" need no product (optional column); their points are filled by regression.
     """
     missing = [name for name in COLUMNS if name not in plan.columns]
     if missing or len(plan) == 0:
@@ -59,19 +63,20 @@ def collect(plan, points):
     found = [_read(row) for row in plan.itertuples(index=False)]
     runs = pd.DataFrame([line for line, _ in found])
     kept = [(row, states) for row, (_, states) in zip(plan.itertuples(index=False), found, strict=True)]
+    spared = {line["run_id"] for line, _ in found if line["status"] == "spared"}
     strain = _strain_grid([states for row, states in kept if states and row.stage == "shear"])
     groups = []
     for (family, mu_iso), index in plan.groupby(["family", "mu_iso"], sort=True).indices.items():
         rows = [kept[i] for i in index if kept[i][0].stage in STAGE_STATES]
         if rows:
             own = _family_points(family, plan[plan["family"] == family], points)
-            groups.append(_group(family, float(mu_iso), rows, own, strain))
+            groups.append(_group(family, float(mu_iso), rows, own, strain, spared))
     grains = next((states.grains for _, states in kept if states and states.grains), (np.empty(0), {}))
     return groups, strain, runs, grains
 
 
 def _read(row):
-    """One line of the runs table, and the run's states (None if it failed)."""
+    """One line of the runs table, and the run's states (None if it failed or was spared)."""
     path = Path(row.product)
     line = {name: getattr(row, name) for name in ("run_id", "stage", "family", "mu_iso", "point", "packing")}
     failed = path.with_name(f"{row.run_id}.failed.json")
@@ -88,9 +93,12 @@ def _read(row):
         line["probe_asymmetry"] = _asymmetry(run.probe)
         line |= {"N": int(run.parameters.get("N", 0)), "critical_from": shear.critical_from, "unsteady": shear.unsteady}
         return line, states
-    if not failed.exists():
+    if failed.exists():
+        line |= {"status": "failed", "reason": str(json.loads(failed.read_text()).get("reason", "no reason given"))}
+    elif getattr(row, "status", "") == "spared":
+        line |= {"status": "spared", "reason": "the answer does not need it"}
+    else:
         raise ResponsesError(f"run {row.run_id}: there is no product {path}")
-    line |= {"status": "failed", "reason": str(json.loads(failed.read_text()).get("reason", "no reason given"))}
     line |= dict.fromkeys(TIMES + PROOFS, np.nan) | {"created": "", "yade_version": "", "script_digest": ""}
     line |= {"probe_asymmetry": np.nan, "N": 0, "critical_from": np.nan, "unsteady": ""}
     return line, None
@@ -138,7 +146,7 @@ def _family_points(family, plan, points):
     return own
 
 
-def _group(family, mu_iso, rows, own, strain):
+def _group(family, mu_iso, rows, own, strain, spared):
     packings = tuple(sorted({row.packing for row, _ in rows}))
     place = {point: q for q, point in enumerate(own["id"])}
     where = {packing: r for r, packing in enumerate(packings)}
@@ -155,22 +163,43 @@ def _group(family, mu_iso, rows, own, strain):
             for state, table in source.items():
                 for symbol, value in table.items():
                     target.setdefault(state, {}).setdefault(symbol, np.full(shape[::2], np.nan))[r, q] = value
+    values = {symbol: _packing_mean(sets) for symbol, sets in replicates.items()}
+    averages = {state: {s: _packing_mean(v) for s, v in table.items()} for state, table in state_sets.items()}
+    filled = {stage: _unrun(stage, rows, own, spared) for stage in STAGE_STATES}
+    for stage, states in STAGE_STATES.items():
+        for table in (averages.get(state, {}) for state in states):
+            table |= {symbol: _fill(own, value[None], filled[stage])[0] for symbol, value in table.items()}
+    values = {symbol: _fill(own, value, filled["shear"]) for symbol, value in values.items()}
     weight = own["probability"].to_numpy().copy()
-    alive = np.isfinite(replicates["eta"]).all(axis=1).any(axis=0) if replicates else np.ones(len(own), bool)
+    alive = np.isfinite(values["eta"]).all(axis=0) if values else np.ones(len(own), bool)
     lost = float(weight[~alive].sum())
     weight[~alive] = 0.0
     shear = [(row, states) for row, states in rows if row.stage == "shear"]
     return FamilyDensity(
         family=family, mu_iso=mu_iso, points=own, planned_share=own.attrs["planned_share"], packings=packings,
         weight=weight / weight.sum() if lost < 1 else weight, lost_probability=lost, extended=extended.any(axis=0),
-        values={symbol: _packing_mean(sets) for symbol, sets in replicates.items()}, replicates=replicates,
-        states={state: {s: _packing_mean(v) for s, v in table.items()} for state, table in state_sets.items()},
+        values=values, replicates=replicates, states=averages, filled=filled["shear"],
         errors={state: {s: _packing_error(v) for s, v in table.items()} for state, table in error_sets.items()},
         state_sets=state_sets if len(packings) > 1 else {},
         counts={"planned": len(shear), "done": sum(s is not None for _, s in shear),
-                "failed": sum(s is None for _, s in shear),
+                "failed": sum(s is None and row.run_id not in spared for row, s in shear),
+                "spared": sum(row.run_id in spared for row, _ in shear),
                 "extended": sum(s is not None and s.steady_end for _, s in shear)},
     )  # fmt: skip
+
+
+def _unrun(stage, rows, own, spared):
+    """Points (Q,) all of whose runs of a stage were spared."""
+    at = [(row.point, row.run_id in spared) for row, _ in rows if row.stage == stage]
+    return own["id"].isin({p for p, _ in at} - {p for p, unneeded in at if not unneeded}).to_numpy()
+
+
+def _fill(own, values, filled):
+    """Values (T, Q) with those of the filled points from the response surface through the others, if it has any."""
+    if not filled.any() or np.isfinite(values).sum(axis=1).min() < SURFACE:
+        return values
+    surface, _ = stopping.fill(own[["mu_s", "G_p"]].to_numpy(), values)
+    return np.where(filled, surface, values)
 
 
 def _on_grid(states, symbol, strain, run_id):

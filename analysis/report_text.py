@@ -159,6 +159,13 @@ def run_notes(results) -> list[str]:
     notes += [f"{row.run_id}: {row.reason}" for row in failed.head(10).itertuples()]
     if len(failed) > 10:
         notes.append(f"... and {len(failed) - 10} more, all in tables/runs.csv.")
+    spared = int((runs["status"] == "spared").sum())
+    if spared:
+        filled = max(int(results.filled(m, f).sum()) for f in results.families for m in results.family_densities(f))
+        notes.append(
+            f"{spared} runs were spared, the error asked for being reached without them: {filled} of "
+            f"{len(results.points)} points are not run but filled by regression over the two properties."
+        )
     if early:
         notes.append(
             f"{early} shear runs stopped early because their critical state was steady; beyond that strain their "

@@ -27,7 +27,8 @@ SQUEEZE = {"compression": "gzip", "shuffle": True, "fletcher32": True}
 def build_results(folder, plan, points, settings=None) -> Path:
     """Read every product of the plan and write <folder>/results.h5; returns its path.
 
-    plan: frame run_id, stage, family, point, packing, mu_iso, mu_s, G_p (Pa), product (path), start.
+    plan: frame run_id, stage, family, point, packing, mu_iso, mu_s, G_p (Pa), product (path), start; optionally status,
+    "spared" for runs that need no product: points without any are filled by regression and marked.
     points: frame id, mu_s, G_p (Pa), probability (sum 1); optionally family, where a family has points of its own.
     settings: dict, all optional: campaign (name), config (TOML text), pairs (n, 2), source (where the pairs come from),
     marginals (dicts with a "variable", best first, or two lists in the order mu_s, G_p), copulas (best first), joint,
@@ -94,6 +95,7 @@ def _write_density(file, group: FamilyDensity, strain, settings):
     out = base.create_group(f"{group.mu_iso:g}")
     out.attrs.update(group.counts | {"lost_probability": group.lost_probability})
     out["weight"] = group.weight
+    out["filled"] = group.filled
     for symbol, values in group.values.items():
         _write_response(out.create_group(f"responses/{symbol}"), symbol, values, group, strain, settings)
         if len(group.packings) > 1:
@@ -119,6 +121,7 @@ def _write_response(out, symbol, values, group, strain, settings):
         out.attrs.update(dict(memory.attrs) | {"unit": QUANTITIES[symbol].unit, "name": QUANTITIES[symbol].name})
     _write_array(out, "values", values, symbol)
     out.create_dataset("extended", data=group.extended, **SQUEEZE)
+    out.attrs["filled"] = int(group.filled.sum())
 
 
 def _rounded(values, bits=31):

@@ -94,8 +94,14 @@ class Results:
         with h5py.File(self.path) as file:
             return _group(file, f"families/{family}/{mu_iso:g}")["weight"][()]
 
+    def filled(self, mu_iso, family="coupled"):
+        """Points (Q,) of a density that were not run, but filled by regression over the inputs."""
+        with h5py.File(self.path) as file:
+            base = _group(file, f"families/{family}/{mu_iso:g}")
+            return base["filled"][()] if "filled" in base else np.zeros(len(base["weight"]), bool)
+
     def counts(self, mu_iso, family="coupled"):
-        """What became of a density's runs: dict of lost_probability, planned, done, failed, extended."""
+        """What became of a density's runs: dict of lost_probability, planned, done, failed, spared, extended."""
         with h5py.File(self.path) as file:
             return _plain(_group(file, f"families/{family}/{mu_iso:g}").attrs)
 

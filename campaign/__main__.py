@@ -89,20 +89,28 @@ def plan(config: Config, folder: Path, options) -> int:
 
 
 def run(config: Config, folder: Path, options) -> int:
+    from campaign import enough
     from campaign.status import campaign_status
 
     rows, _, _ = _plan(config, folder)
     if config.run.engine == "slurm":
         from campaign.slurm import submit_missing
 
-        print(submit_missing(config, folder, rows, again=options.failed))
+        step = enough.next_step(config, folder, rows, say=print)
+        print(submit_missing(config, folder, rows, again=options.failed, spared=step.spared))
         return 0
     from campaign.local import run_missing
 
-    added = run_missing(config, folder, rows, again=options.failed, quiet=options.quiet)
+    again = iter([options.failed])  # failed runs get one more try, not one a batch
+
+    def engine(spared):
+        return run_missing(config, folder, rows, again=next(again, False), quiet=options.quiet, spared=spared)
+
+    added = enough.run_in_steps(config, folder, rows, engine, say=print)
     told = campaign_status(config, folder, rows)
     counts = told["counts"]["total"]
-    print(f"{config.name}: {added} runs finished now, {counts['done']} of {counts['total']} done")
+    spared = f", {counts['spared']} spared" if counts["spared"] else ""
+    print(f"{config.name}: {added} runs finished now, {counts['done']} of {counts['total']} done{spared}")
     for failure in told["failures"]:
         print(f"{failure['state']}: {failure['run_id']}: {failure['reason']}", file=sys.stderr)
     left = counts["missing"] + counts["refused"]
@@ -134,10 +142,11 @@ def status(config: Config, folder: Path, options) -> int:
 
 
 def missing(config: Config, folder: Path, options) -> int:
+    from campaign import enough
     from campaign.products import look
 
     rows = _rows(config, folder)
-    states = look(folder, rows, rehash=options.check)
+    states = look(folder, rows, rehash=options.check, spared=enough.spared(config, folder, rows))
     for row in rows:
         if states[row.run_id].state in ("missing", "refused"):
             print(row.run_id)

@@ -107,7 +107,8 @@ class Failures:
 class Pdem:
     method: str = key("exact", str, choices=("exact", "tvd"))
     bandwidth: float = key(0.0, float, 0.0, 1e12, doc="0: by rule from the data")
-    cells: int = key(400, int, 20, 20_000)
+    cells: int = key(400, int, 64, 20_000)
+    stop_when: str = key("", str, doc="claimed error of the densities at which no more points are run; empty: run all")
 
 
 @dataclass(frozen=True)
@@ -278,7 +279,18 @@ def _check_together(config: Config, where: str) -> None:
         )
     if not (config.families.coupled or config.families.G_p_only):
         raise ConfigError(f"{where}: families.coupled and families.G_p_only are both false; nothing to run")
+    if config.pdem.stop_when and not _is_share(config.pdem.stop_when):
+        raise ConfigError(f"{where}: pdem.stop_when = {config.pdem.stop_when!r} must be a share such as '5%' or '0.05'")
     if not re.fullmatch(r"(\d+-)?\d+(:\d\d){0,2}", config.run.slurm.time):
         raise ConfigError(f"{where}: run.slurm.time = {config.run.slurm.time!r} is no SLURM time such as '24:00:00'")
     if not re.fullmatch(r"\d+[KMGT]?", config.run.slurm.memory):
         raise ConfigError(f"{where}: run.slurm.memory = {config.run.slurm.memory!r} is no SLURM size such as '2G'")
+
+
+def _is_share(text: str) -> bool:
+    """Whether `analysis.stopping.parse_target` takes the text: a share between 0 and 1, also in per cent."""
+    text = text.strip()
+    try:
+        return 0 < float(text.removesuffix("%")) / (100 if text.endswith("%") else 1) < 1
+    except ValueError:
+        return False

@@ -7,6 +7,7 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
+from campaign import enough
 from campaign.config import ROOT, Config
 from campaign.files import read_json, write_json
 from campaign.plan import Row
@@ -26,10 +27,12 @@ def analyse(config: Config, folder: Path, rows: list[Row]) -> str:
     if bad:
         raise PlanError(f"products/{bad[0].run_id}.h5: {bad[0].reason} ({len(bad)} such products)")
     left = [s for s in states.values() if s.state not in ("done", "failed")]
+    spared = enough.spared(config, folder, rows) & {s.run_id for s in left if s.state == "missing"}
+    left = [s for s in left if s.run_id not in spared]
     if left:
         raise PlanError(f"{len(left)} of {len(rows)} runs have no product yet ({left[0].run_id}); `run` makes them")
     write_blocked(folder, states)
-    wanted = _digest(config, folder, rows)
+    wanted = _digest(config, folder, rows, spared)
     if read_json(folder / NOTE, {}).get("results") == wanted and (folder / "results.h5").exists():
         return f"{folder.name}: results.h5 is up to date"
     import pandas as pd
@@ -40,11 +43,11 @@ def analyse(config: Config, folder: Path, rows: list[Row]) -> str:
     bad = [s for s in states.values() if s.state == "refused"]
     if bad:
         raise PlanError(f"products/{bad[0].run_id}.h5: {bad[0].reason} ({len(bad)} such products)")
-    results = responses.build_results(folder, plan_frame(folder, rows), pd.DataFrame(read_points(folder)),
+    results = responses.build_results(folder, plan_frame(folder, rows, spared), pd.DataFrame(read_points(folder)),
                                       _settings(config, folder))  # fmt: skip
     tables.write_tables(results, folder)
     write_json(folder / NOTE, {"results": wanted})
-    return f"{folder.name}: results.h5 and tables from {len(rows)} runs"
+    return f"{folder.name}: results.h5 and tables from {len(rows) - len(spared)} runs"
 
 
 def report(config: Config, folder: Path) -> str:
@@ -64,13 +67,14 @@ def report(config: Config, folder: Path) -> str:
     return f"{folder.name}: {path}"
 
 
-def plan_frame(folder: Path, rows: list[Row]):
-    """The plan as the analysis takes it: one line a run, the product's full path."""
+def plan_frame(folder: Path, rows: list[Row], spared: frozenset[str] = frozenset()):
+    """The plan as the analysis takes it: one line a run, the product's full path, status "spared" where none is due."""
     import pandas as pd
 
     names = ("run_id", "stage", "family", "point", "packing", "mu_iso", "mu_s", "G_p", "start", "particle_steps")
     frame = pd.DataFrame([{name: getattr(row, name) for name in names} for row in rows])
     frame["product"] = [str((folder / row.product).resolve()) for row in rows]
+    frame["status"] = ["spared" if row.run_id in spared else "" for row in rows]
     return frame
 
 
@@ -87,12 +91,15 @@ def _settings(config: Config, folder: Path) -> dict:
     }
 
 
-def _digest(config: Config, folder: Path, rows: list[Row]) -> str:
+def _digest(config: Config, folder: Path, rows: list[Row], spared: frozenset[str] = frozenset()) -> str:
     """What results.h5 depends on: rows, products, points, settings and the analysis' code."""
     digest = hashlib.sha256(_code_digest().encode())
     digest.update(json.dumps([config.text, asdict(config.pdem), asdict(config.failures)]).encode())
     digest.update((folder / "inputs.json").read_bytes())
     for row in rows:
+        if row.run_id in spared:
+            digest.update(f"{row.run_id} spared\n".encode())
+            continue
         path = folder / row.product
         path = path if path.exists() else path.with_suffix(".failed.json")
         s = path.stat()

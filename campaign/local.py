@@ -27,13 +27,16 @@ class RunError(RuntimeError):
     """Runs that cannot be started; one line."""
 
 
-def run_missing(config: Config, folder: Path, rows: list[Row], *, again: bool = False, quiet: bool = False) -> int:
-    """Run every row without a product; failed ones too if `again`.  Returns how many products were added.
+def run_missing(
+    config: Config, folder: Path, rows: list[Row], *, again: bool = False, quiet: bool = False,
+    spared: frozenset[str] = frozenset(),
+) -> int:  # fmt: skip
+    """Run every row without a product but the spared; failed ones too if `again`.  Returns how many were added.
 
     Raises RunError when another `run` works in the folder, when YADE is not there or when the disk is full.
     """
     with folder_lock(folder):
-        states = look(folder, rows)
+        states = look(folder, rows, spared=spared)
         write_blocked(folder, states)
         redo = {"refused", "failed"} if again else {"refused"}
         set_aside(folder, [r for r, s in states.items() if s.state in redo])
@@ -166,6 +169,7 @@ class _Watch:
     """Counts products as they appear and tells how long it will take, from the pace of the runs so far."""
 
     def __init__(self, rows: list[Row], states: dict, config: Config, quiet: bool):
+        rows = [row for row in rows if states[row.run_id].state != "spared"]
         self.total, self.jobs = len(rows), jobs(config)
         self.before = sum(s.state == "done" for s in states.values())
         self.cost = {row.run_id: row.cpu_seconds for row in rows if states[row.run_id].state != "done"}

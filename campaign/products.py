@@ -26,7 +26,7 @@ FINITE = ("sigma", "e", "Z")
 
 @dataclass(frozen=True)
 class State:
-    """What became of one run: done, failed, refused (a product that can't be used), running or missing."""
+    """What became of one run: done, failed, refused (a product that can't be used), running, missing or spared."""
 
     run_id: str
     state: str
@@ -34,8 +34,13 @@ class State:
     facts: dict = field(default_factory=dict)
 
 
-def look(folder: Path, rows: list[Row], *, rehash: bool = False) -> dict[str, State]:
-    """The state of every row, by run id.  rehash: read every product again, however unchanged it looks."""
+def look(
+    folder: Path, rows: list[Row], *, rehash: bool = False, spared: frozenset[str] = frozenset()
+) -> dict[str, State]:
+    """The state of every row, by run id.  rehash: read every product again, however unchanged it looks.
+
+    spared: ids of runs that the answer does not need; they are "spared", not "missing", where there is no product.
+    """
     products = folder / "products"
     names = set(os.listdir(products)) if products.is_dir() else set()
     cache = {} if rehash else read_json(products / CHECKED, {})
@@ -59,6 +64,8 @@ def look(folder: Path, rows: list[Row], *, rehash: bool = False) -> dict[str, St
             states[row.run_id] = State(row.run_id, "failed", _blocked(first), {"blocked": first.run_id})
         else:
             states[row.run_id] = State(row.run_id, "missing")
+        if row.run_id in spared and states[row.run_id].state == "missing":
+            states[row.run_id] = State(row.run_id, "spared")
     if fresh != cache:
         _keep(products / CHECKED, fresh)
     return states

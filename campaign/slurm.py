@@ -23,8 +23,10 @@ NOTE = "batch/slurm.json"
 GONE = ("COMPLETED", "CANCELLED", "FAILED", "TIMEOUT", "NODE_FAIL", "OUT_OF_MEMORY", "PREEMPTED")
 
 
-def submit_missing(config: Config, folder: Path, rows: list[Row], *, again: bool = False) -> str:
-    """Submit every row without a product that is not queued yet; returns a line that tells what was submitted.
+def submit_missing(
+    config: Config, folder: Path, rows: list[Row], *, again: bool = False, spared: frozenset[str] = frozenset()
+) -> str:
+    """Submit every row without a product, not spared, not queued yet; returns a line that tells what was submitted.
 
     Raises RunError when SLURM is not there or refuses.
     """
@@ -32,7 +34,7 @@ def submit_missing(config: Config, folder: Path, rows: list[Row], *, again: bool
         raise RunError("sbatch: no such program; is SLURM installed here?")
     with folder_lock(folder):
         queue = queued_rows(folder)
-        states = look(folder, rows)
+        states = look(folder, rows, spared=spared)
         write_blocked(folder, states)
         redo = {"refused", "failed"} if again else {"refused"}
         set_aside(folder, [r for r, s in states.items() if s.state in redo])

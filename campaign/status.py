@@ -9,15 +9,16 @@ import time
 from pathlib import Path
 
 from campaign.config import Config
+from campaign.enough import spared, verdict
 from campaign.plan import STAGES, Row
 from campaign.products import State, look, stale
 
-ORDER = ("done", "running", "queued", "failed", "refused", "missing")
+ORDER = ("done", "running", "queued", "failed", "refused", "missing", "spared")
 
 
 def campaign_status(config: Config, folder: Path, rows: list[Row], *, rehash: bool = False) -> dict:
     """Everything `status` tells, as one plain dict (what --json prints)."""
-    states = look(folder, rows, rehash=rehash)
+    states = look(folder, rows, rehash=rehash, spared=spared(config, folder, rows))
     lost = {}
     if (folder / "batch" / "slurm.json").exists():
         from campaign.slurm import ended_without_product, queued_rows
@@ -26,7 +27,9 @@ def campaign_status(config: Config, folder: Path, rows: list[Row], *, rehash: bo
             if run_id in states and states[run_id].state == "missing":
                 states[run_id] = State(run_id, word)
         lost = ended_without_product(folder, [s.run_id for s in states.values() if s.state == "missing"])
-    return summary(config, rows, states) | {"stale": stale(folder, rows), "folder": str(folder), "lost": lost}
+    return summary(config, rows, states) | {
+        "stale": stale(folder, rows), "folder": str(folder), "lost": lost, "enough": verdict(config, folder, rows)
+    }  # fmt: skip
 
 
 def summary(config: Config, rows: list[Row], states: dict[str, State]) -> dict:
@@ -49,7 +52,7 @@ def summary(config: Config, rows: list[Row], states: dict[str, State]) -> dict:
             notes["retried"] += bool(state.facts.get("retried"))
             notes["resumed"] += bool(state.facts.get("resumed"))
             digests.add(state.facts.get("script_digest", ""))
-        elif state.state != "failed":
+        elif state.state not in ("failed", "spared"):
             to_go += row.cpu_seconds
     pace = spent / done_predicted if done_predicted and spent else 1.0
     return {
@@ -82,6 +85,8 @@ def status_text(told: dict) -> str:
         f"core-hours: {told['core_hours_spent']:.2f} spent, {told['core_hours_predicted']:.2f} predicted in all; "
         f"about {span(told['seconds_to_go'])} to go"
     )
+    if told["enough"]:
+        lines.append(told["enough"])
     for f in told["failures"]:
         lines.append(f"{f['state']}: {f['run_id']}: {f['reason']}")
     lines += [f"missing: {run_id}: {reason}" for run_id, reason in told["lost"].items()]

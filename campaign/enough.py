@@ -1,0 +1,188 @@
+"""Runs that the answer does not need are not made: batches of points until the claimed error is the one asked for.
+
+With `pdem.stop_when` set, the points run in an order in which every beginning covers their range.  After each batch the
+stress ratio at the peak and the stress ratio and void ratio at the critical state are judged (`analysis.stopping`).
+tables/enough.json keeps the order, the batch at work and every judgement; a decision to stop stands as long as the runs
+and the target are those it was made for.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+from campaign.config import Config
+from campaign.files import read_json, write_json
+from campaign.plan import Row
+from campaign.products import look
+
+NOTE = "tables/enough.json"
+LEAST = 12  # points of the first batch; `analysis.stopping` claims nothing below
+SAMPLES = 1024  # of the joint inputs, Sobol'
+JUDGED = (("peak", "eta"), ("critical", "eta"), ("critical", "e"))
+
+
+@dataclass(frozen=True)
+class Step:
+    """What to do next: the ids of the runs that are not to be made now, and whether this step is the last."""
+
+    spared: frozenset[str]
+    last: bool
+
+
+def run_in_steps(config: Config, folder: Path, rows: list[Row], engine: Callable, say: Callable = print) -> int:
+    """Run batch after batch by engine(spared ids) -> products added, until it is enough; returns the products added.
+
+    Stops also when an engine leaves runs of its batch without an outcome (disk full, YADE gone).
+    """
+    added = 0
+    while True:
+        step = next_step(config, folder, rows, say)
+        added += engine(step.spared)
+        if step.last or _is_open(folder, [row for row in rows if row.run_id not in step.spared]):
+            return added
+
+
+def next_step(config: Config, folder: Path, rows: list[Row], say: Callable = print) -> Step:
+    """Judge the batch at work once all its runs have an outcome; returns what is to be run now.
+
+    Without `pdem.stop_when` everything is, in one step.  Judging again what was judged changes nothing.
+    """
+    if not config.pdem.stop_when:
+        return Step(frozenset(), True)
+    note = _read_note(config, folder, rows) or _begin(config, folder, rows)
+    points = len(note["order"])
+    while not note["reached"] and note["used"] <= points:
+        needed = _needed(rows, note)
+        if _is_open(folder, needed):
+            return Step(_others(rows, needed), False)
+        if not note["history"] or note["history"][-1]["points"] < note["used"]:
+            note = _judge(config, folder, needed, note, say)
+            write_json(folder / NOTE, note)
+        if note["reached"] or note["used"] == points:
+            break
+        note = note | {"used": min(points, note["used"] + max(2, round(points / 12)))}
+        write_json(folder / NOTE, note)
+    return Step(_others(rows, _needed(rows, note)), True)
+
+
+def spared(config: Config, folder: Path, rows: list[Row]) -> frozenset[str]:
+    """Ids of the runs that a decision to stop has made needless; none before that."""
+    note = _read_note(config, folder, rows)
+    return _others(rows, _needed(rows, note)) if note and note["reached"] else frozenset()
+
+
+def verdict(config: Config, folder: Path, rows: list[Row]) -> str:
+    """One line on the last judgement, empty if there is none."""
+    note = _read_note(config, folder, rows)
+    return note["history"][-1]["sentence"] if note and note["history"] else ""
+
+
+def _begin(config: Config, folder: Path, rows: list[Row]) -> dict:
+    import numpy as np
+
+    from analysis import stopping
+
+    inputs = _inputs(rows)
+    ids = np.array(sorted(inputs))
+    order = ids[stopping.nested_order([inputs[k] for k in ids])].tolist()
+    note = {"runs": _digest(rows), "target": config.pdem.stop_when, "order": order, "claimed": {}, "reached": False,
+            "used": min(len(order), max(LEAST, math.ceil(len(order) / 8))), "history": []}  # fmt: skip
+    write_json(folder / NOTE, note)
+    return note
+
+
+def _judge(config: Config, folder: Path, needed: list[Row], note: dict, say: Callable) -> dict:
+    """The note with one more judgement, of the points used so far."""
+    import numpy as np
+    from scipy.stats import qmc
+
+    from analysis import stopping
+    from analysis.joint import Joint
+
+    used = note["order"][: note["used"]]
+    inputs = _inputs(needed)
+    joint = Joint.from_dict(read_json(folder / "inputs.json")["joint"])
+    samples = joint.inverse_rosenblatt(qmc.Sobol(2, seed=1).random(SAMPLES))
+    found = stopping.assess(
+        np.array([inputs[k] for k in used]), _responses(folder, needed, used), samples, note["target"]
+    )
+    say(f"{config.name}: {found.sentence()}")
+    claimed = {name: value if math.isfinite(value) else None for name, value in found.claimed.items()}
+    told = {"points": found.runs, "sentence": found.sentence(), "reached": found.reached, "claimed": claimed}
+    return note | {"claimed": claimed, "reached": found.reached, "history": [*note["history"], told]}
+
+
+def _responses(folder: Path, needed: list[Row], used: list[int]) -> dict:
+    """What is judged at every density: {name: (points used,)}, the mean over packings, NaN where all runs failed.
+
+    A second family with mu_s fixed goes with the first and is not judged: its spread is little more than noise.
+    """
+    import numpy as np
+
+    shear = [row for row in needed if row.stage == "shear"]
+    family = "coupled" if any(row.family == "coupled" for row in shear) else shear[0].family
+    place = {point: q for q, point in enumerate(used)}
+    sums, counts = {}, {}
+    for row in (row for row in shear if row.family == family):
+        path = folder / row.product
+        values = _states(path, path.stat().st_mtime_ns) if path.exists() else {}
+        for state, symbol in JUDGED:
+            name = f"{symbol} at {state}, mu_iso = {row.mu_iso:g}"
+            sums.setdefault(name, np.zeros(len(used)))
+            counts.setdefault(name, np.zeros(len(used)))
+            if (state, symbol) in values:
+                sums[name][place[row.point]] += values[state, symbol]
+                counts[name][place[row.point]] += 1
+    with np.errstate(invalid="ignore"):
+        return {name: sums[name] / counts[name] for name in sums}
+
+
+@lru_cache(maxsize=100_000)
+def _states(path: Path, changed: int) -> dict:
+    """{(state, symbol): value} of one shear product; `changed`: its time, so that a new one is read anew."""
+    from analysis.run_states import run_states
+    from analysis.runfile import read_run
+
+    found = run_states(read_run(path)).states
+    return {(state, symbol): found[state][symbol] for state, symbol in JUDGED}
+
+
+def _inputs(rows: list[Row]) -> dict[int, tuple[float, float]]:
+    """Point -> (mu_s, G_p), as measured where a family has them so."""
+    probes = sorted((row for row in rows if row.stage == "shear"), key=lambda row: row.family == "coupled")
+    return {row.point: (row.mu_s, row.G_p) for row in probes}
+
+
+def _needed(rows: list[Row], note: dict) -> list[Row]:
+    """The rows of the points used so far, with all that they start from."""
+    used, by_id, ids = set(note["order"][: note["used"]]), {row.run_id: row for row in rows}, set()
+    for row in (row for row in rows if row.point in used):
+        while row and row.run_id not in ids:
+            ids.add(row.run_id)
+            row = by_id.get(row.start)
+    return [row for row in rows if row.run_id in ids]
+
+
+def _others(rows: list[Row], needed: list[Row]) -> frozenset[str]:
+    return frozenset(row.run_id for row in rows) - {row.run_id for row in needed}
+
+
+def _is_open(folder: Path, rows: list[Row]) -> bool:
+    return any(state.state not in ("done", "failed") for state in look(folder, rows).values())
+
+
+def _read_note(config: Config, folder: Path, rows: list[Row]) -> dict:
+    """The note, if there is one and it was made for these runs and this target; else {}."""
+    note = read_json(folder / NOTE, {})
+    if not note or note["target"] != config.pdem.stop_when or note["runs"] != _digest(rows):
+        return {}
+    return note
+
+
+def _digest(rows: list[Row]) -> str:
+    return hashlib.sha256("\n".join(sorted(row.run_id for row in rows)).encode()).hexdigest()[:16]

@@ -1,0 +1,196 @@
+"""A campaign that stops when it is enough: batches, spared runs, filled points, and what a rerun does."""
+
+from __future__ import annotations
+
+import json
+
+import h5py
+import numpy as np
+import pytest
+import synthetic_results as synthetic
+import synthetic_runs
+
+from analysis import report_text, stopping
+from analysis.results import read_results
+from campaign import enough, evaluate
+from campaign.config import ConfigError, parse_config, read_config
+from campaign.plan import write_plan
+from campaign.products import look, set_aside, write_failure
+from campaign.status import campaign_status, status_text
+
+N = 30
+TARGET = '[pdem]\nstop_when = "{}"\ncells = 64\n'
+
+
+class Case:
+    """A planned campaign of N points at one density whose engine writes synthetic products, noisy if asked."""
+
+    def __init__(self, place, stop_when="5%", noise=0.0, n=N, more=""):
+        toml = synthetic_runs.write_config(place, n, TARGET.format(stop_when) + more)
+        toml.write_text(toml.read_text().replace("[0.001, 0.04]", "[0.04]").replace("= 0.1\n", "= 0.4\n"))
+        self.config, self.folder, self.noise = read_config(toml), place / "run", noise
+        self.rows = synthetic_runs.planned(self.config, self.folder, n)
+        write_plan(self.rows, self.folder)
+        told = json.loads((self.folder / "inputs.json").read_text())
+        told["joint"] = JOINT.to_dict()
+        (self.folder / "inputs.json").write_text(json.dumps(told))
+        self.batches, self.said = [], []
+
+    def engine(self, spared):
+        states = look(self.folder, self.rows, spared=spared)
+        todo = [row for row in self.rows if states[row.run_id].state in ("missing", "refused")]
+        set_aside(self.folder, [row.run_id for row in todo])
+        for row in todo:
+            write_product(self.folder, row, self.noise)
+        self.batches.append(len({row.point for row in todo} - {-1}))
+        return len(todo)
+
+    def run(self, engine=None):
+        return enough.run_in_steps(self.config, self.folder, self.rows, engine or self.engine, self.said.append)
+
+    def note(self):
+        return json.loads((self.folder / enough.NOTE).read_text())
+
+    def counts(self):
+        return campaign_status(self.config, self.folder, self.rows)["counts"]["total"]
+
+
+JOINT = synthetic.settings()["joint"]
+
+
+def write_product(folder, row, noise):
+    """As synthetic_runs writes it, with an error of the packing on the whole curve of the stress ratio."""
+    path = synthetic_runs.write_product(folder, row)
+    if noise and row.stage == "shear":
+        factor = 1 + noise * np.random.default_rng(row.point).standard_normal()
+        with h5py.File(path, "r+") as file:
+            sigma = file["record/sigma"]
+            sigma[:, 2, 2] = sigma[:, 0, 0] + factor * (sigma[:, 2, 2] - sigma[:, 0, 0])
+    return path
+
+
+@pytest.fixture(scope="module")
+def stopped(tmp_path_factory):
+    """A quiet campaign, run to its end and analysed."""
+    case = Case(tmp_path_factory.mktemp("quiet"))
+    case.added = case.run()
+    case.line = evaluate.analyse(case.config, case.folder, case.rows)
+    return case
+
+
+def test_quiet_runs_stop_early_and_the_rest_is_spared(stopped):
+    note = stopped.note()
+    assert note["reached"] and 12 <= note["used"] < N
+    assert stopped.added == 1 + 2 * note["used"]
+    assert max(note["claimed"].values()) <= 0.05 and len(note["claimed"]) == 3
+    assert [h["points"] for h in note["history"]] == sorted({h["points"] for h in note["history"]})
+    counts = stopped.counts()
+    assert counts["spared"] == 2 * (N - note["used"]) and counts["missing"] == 0
+    assert counts["total"] == len(stopped.rows) == sum(v for k, v in counts.items() if k != "total")
+    assert stopped.said[-1].endswith("reached") and note["history"][-1]["sentence"] in stopped.said[-1]
+    told = status_text(campaign_status(stopped.config, stopped.folder, stopped.rows))
+    assert "spared" in told and "5.0% asked, reached" in told
+
+
+def test_first_points_are_the_beginning_of_the_nested_order(stopped):
+    note = stopped.note()
+    points = synthetic.representative_points(N)
+    assert note["order"] == list(stopping.nested_order(points[["mu_s", "G_p"]]))
+    made = {row.point for row in stopped.rows if (stopped.folder / row.product).exists()} - {-1}
+    assert made == set(note["order"][: note["used"]])
+
+
+def test_a_rerun_does_nothing(stopped):
+    before, said = (stopped.folder / enough.NOTE).read_text(), len(stopped.said)
+    assert stopped.run() == 0
+    assert (stopped.folder / enough.NOTE).read_text() == before and len(stopped.said) == said
+    assert "up to date" in evaluate.analyse(stopped.config, stopped.folder, stopped.rows)
+
+
+def test_spared_points_are_filled_close_to_the_truth_and_marked(stopped):
+    results = read_results(stopped.folder / "results.h5")
+    filled, note = results.filled(0.04), stopped.note()
+    ids = results.family_points()["id"].to_numpy()
+    assert set(ids[filled]) == set(note["order"][note["used"] :])
+    assert results.weights(0.04) == pytest.approx(results.family_points()["probability"])
+    counts = results.counts(0.04)
+    assert (counts["spared"], counts["failed"], counts["lost_probability"]) == (N - note["used"], 0, 0)
+    truth = synthetic.critical_eta(results.family_points()["mu_s"].to_numpy())
+    assert results.state("critical", "eta", 0.04) == pytest.approx(truth, abs=0.05 * truth.std() * 3)
+    exact = synthetic.stiffness(results.family_points()["G_p"].to_numpy(), 0.04)
+    assert results.state("probe", "G_0", 0.04) == pytest.approx(exact, rel=0.01)
+    eta = results.response("eta", 0.04)
+    assert np.isfinite(eta.values).all() and not eta.extended.any()
+    with h5py.File(stopped.folder / "results.h5") as file:
+        assert file["families/coupled/0.04/responses/eta"].attrs["filled"] == filled.sum()
+    assert (results.runs["status"] == "spared").sum() == 2 * filled.sum()
+    assert f"{filled.sum()} of {N} points are not run but filled" in " ".join(report_text.run_notes(results))
+
+
+def test_all_points_run_where_the_noise_is_too_big(tmp_path):
+    case = Case(tmp_path, "2%", noise=0.15, n=16)
+    case.run()
+    note = case.note()
+    assert case.counts()["done"] == len(case.rows) and not note["reached"] and note["used"] == 16
+    assert case.batches[0] == 12 and sum(case.batches) == 16
+    judged = len(note["history"])
+    assert case.run() == 0 and len(case.note()["history"]) == judged == 3
+
+
+def test_without_a_target_all_run_at_once(tmp_path):
+    case = Case(tmp_path, "", n=4)
+    assert case.run() == len(case.rows) and case.batches == [4]
+    assert not (case.folder / enough.NOTE).exists()
+
+
+def test_a_decision_stands_but_not_for_another_target_or_other_runs(stopped):
+    def of(text):
+        config = parse_config(stopped.config.text.replace('"5%"', text), stopped.config.source)
+        return len(enough.spared(config, stopped.folder, stopped.rows))
+
+    assert of('"5%"') == 2 * (N - stopped.note()["used"])
+    assert of('""') == of('"4%"') == 0
+    assert not enough.spared(stopped.config, stopped.folder, stopped.rows[1:])
+
+
+def test_goes_on_after_an_engine_that_left_runs_undone(tmp_path):
+    case = Case(tmp_path, "10%", n=14)
+
+    def broken(spared):
+        for row in [row for row in case.rows if row.run_id not in spared][:9]:
+            write_product(case.folder, row, 0.0)
+        return 9
+
+    assert case.run(broken) == 9
+    assert case.note()["history"] == [] and case.counts()["spared"] == 0
+    case.run()
+    assert case.note()["history"][0]["points"] == 12
+
+
+def test_failed_runs_count_as_no_run(tmp_path):
+    case = Case(tmp_path, "50%", n=14)
+    first = [row for row in case.rows if row.stage == "shear" and row.point == 0][0]
+    for row in case.rows:
+        write_product(case.folder, row, 0.0)
+    (case.folder / first.product).unlink()
+    write_failure(case.folder / "products", first.run_id, "energy error 0.31 > 0.05")
+    case.run()
+    history = case.note()["history"]
+    points = [h["points"] for h in history]
+    assert case.note()["reached"]
+    assert (points[-1] > 12) == (0 in case.note()["order"][:12])
+    assert all(v is None for v in history[0]["claimed"].values()) == (len(history) > 1)
+
+
+@pytest.mark.parametrize("given", ["soon", "0%", "150%", "2", "-1%", "%", "nan"])
+def test_bad_targets_are_refused_by_name(given):
+    with pytest.raises(ConfigError, match="pdem.stop_when = .* must be a share"):
+        parse_config(f'[pdem]\nstop_when = "{given}"')
+    with pytest.raises(ValueError, match="stop_when"):
+        stopping.parse_target(given)
+
+
+@pytest.mark.parametrize("given", ["5%", " 2 % ", "0.05"])
+def test_good_targets_are_those_of_the_stopping_rule(given):
+    assert parse_config(f'[pdem]\nstop_when = "{given}"').pdem.stop_when == given
+    assert 0 < stopping.parse_target(given) < 1
