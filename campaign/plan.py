@@ -19,7 +19,7 @@ from campaign.config import ROOT, Config
 from campaign.files import read_json, write_json, write_text
 
 #: Raised whenever the scripts compute something else from the same parameters.
-PROTOCOL = 2
+PROTOCOL = 3
 STAGES = ("consolidate", "probe", "shear")
 #: Measured on one core (Debian's YADE, periodic Hertz-Mindlin packing, servo on); see data/benchmarks.
 PARTICLE_STEPS_PER_CPU_SECOND = 0.9e6

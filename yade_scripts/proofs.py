@@ -12,7 +12,7 @@ from yade_scripts.rve import ProofError
 I_LIMIT = 2.5e-3  # quasi-static below, always
 SERVO_FROM = 0.01  # strain after which the start of shear is forgotten and the servo must hold
 SERVO_WINDOW_LIMIT, SERVO_LIMIT = 0.01, 0.05  # mean of a window; any sample
-ENERGY_LIMIT = 0.06  # energy that the integration itself makes, over the work put in: grows with step and rate
+ENERGY_LIMIT = 0.10  # energy that the integration itself makes, over the work put in: grows with step and rate
 STEADY_FROM, STEADY_WINDOW = 0.25, 0.10  # strain from which, and over which, the critical state must be steady
 
 

@@ -82,7 +82,7 @@ class Windows:
     """
 
     def __init__(self, p):
-        self.p, self.state, self.rate = p, State(p), rve.strain_rate(p)
+        self.p, self.state = p, State(p)
         self.edges = window_edges(p.strain_end, p.windows)
         self.energy_0 = self._energies() | {"E_kinetic": utils.kineticEnergy()}
         self.offset = {"E_friction": -self.energy_0["E_friction"], "E_damping": 0.0}
@@ -94,7 +94,7 @@ class Windows:
 
     def add(self) -> dict:
         """Take one sample, close the window when its edge is passed, and return the sample."""
-        sample = self.state.sample(self.rate)
+        sample = self.state.sample(rve.engine("servo").maxStrainRate[2])
         self._add_work(sample)
         lateral = 0.5 * (sample["sigma"][0, 0] + sample["sigma"][1, 1]) / self.p.sigma_3 - 1.0
         for key in _SAMPLED:

@@ -154,12 +154,18 @@ def servo_triaxial(p, strain_end: float) -> None:
 
 
 def trim_servo(p, sigma: np.ndarray, gain: float = 0.05) -> None:
-    """Shift the lateral goals against the error just sampled, so that the *mean* of sigma_3 is held.
+    """Shift the lateral goals against the error just sampled, and follow the mean stress with the axial rate.
 
-    The servo's own damping is lopsided while the cell deforms (it slows what follows the motion and speeds what opposes
-    it) and alone leaves sigma_3 some 0.4 % high.  The shift lives in the servo's goal and is limited to 5 %.
+    So the *mean* of sigma_3 is held: the servo's own damping is lopsided while the cell deforms (it slows what follows
+    the motion and speeds what opposes it) and alone leaves sigma_3 some 0.4 % high.  The shift lives in the servo's goal
+    and is limited to 5 %.  And the inertial number, not the rate, stays constant: as p' grows, the same I allows a faster
+    run.
     """
     servo = engine("servo")
+    pressure = (servo.maxStrainRate[2] * p.d50 / p.inertial_number) ** 2 * p.rho
+    pressure += 0.1 * (float(np.trace(sigma)) / 3.0 - pressure)
+    rate = p.inertial_number / p.d50 * math.sqrt(max(pressure, 0.1 * p.sigma_3) / p.rho)
+    servo.maxStrainRate = Vector3(servo.maxStrainRate[0], servo.maxStrainRate[1], rate)
     goal = [servo.goal[i] + gain * (float(sigma[i, i]) - p.sigma_3) for i in (0, 1)]
     lateral = [-min(max(-g, 0.95 * p.sigma_3), 1.05 * p.sigma_3) for g in goal]
     servo.goal = Vector3(lateral[0], lateral[1], servo.goal[2])

@@ -38,8 +38,8 @@ def protocol(p, product) -> None:
 
     def watch():
         sample = windows.add()
-        rve.trim_servo(p, sample["sigma"])
         check_shear(p, sample, windows)
+        rve.trim_servo(p, sample["sigma"])
         while wanted and sample["eps_a"] >= wanted[0]:
             product.snapshots.append(snapshot("strain", sample["eps_a"]))
             wanted.pop(0)
