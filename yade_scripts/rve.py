@@ -157,9 +157,8 @@ def trim_servo(p, sigma: np.ndarray, gain: float = 0.05) -> None:
     """Shift the lateral goals against the error just sampled, and follow the mean stress with the axial rate.
 
     So the *mean* of sigma_3 is held: the servo's own damping is lopsided while the cell deforms (it slows what follows
-    the motion and speeds what opposes it) and alone leaves sigma_3 some 0.4 % high.  The shift lives in the servo's goal
-    and is limited to 5 %.  And the inertial number, not the rate, stays constant: as p' grows, the same I allows a faster
-    run.
+    the motion and speeds what opposes it) and alone leaves sigma_3 some 0.4 % high.  The shift lives in the goal and is
+    limited to 5 %.  And the inertial number, not the rate, stays constant: as p' grows, the same I allows a faster run.
     """
     servo = engine("servo")
     pressure = (servo.maxStrainRate[2] * p.d50 / p.inertial_number) ** 2 * p.rho
