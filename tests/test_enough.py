@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 
 import h5py
 import numpy as np
@@ -12,7 +13,7 @@ import synthetic_runs
 
 from analysis import report_text, stopping
 from analysis.results import read_results
-from campaign import enough, evaluate
+from campaign import enough, evaluate, slurm
 from campaign.config import ConfigError, parse_config, read_config
 from campaign.plan import write_plan
 from campaign.products import look, set_aside, write_failure
@@ -194,3 +195,42 @@ def test_bad_targets_are_refused_by_name(given):
 def test_good_targets_are_those_of_the_stopping_rule(given):
     assert parse_config(f'[pdem]\nstop_when = "{given}"').pdem.stop_when == given
     assert 0 < stopping.parse_target(given) < 1
+
+
+def test_the_cluster_gets_one_batch_at_a_time(tmp_path, monkeypatch):
+    """A stand-in for sbatch that numbers jobs; each submission is what an earlier one left to do."""
+    case = Case(tmp_path, "2%", noise=0.15, n=14)
+    stand_in = tmp_path / "sbatch"
+    stand_in.write_text('#!/bin/sh\necho "$2" >> submitted.txt\nwc -l < submitted.txt\n')
+    stand_in.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+
+    def submit():
+        step = enough.next_step(case.config, case.folder, case.rows, case.said.append)
+        return step, slurm.submit_missing(case.config, case.folder, case.rows, spared=step.spared)
+
+    step, line = submit()
+    assert not step.last and "1 consolidate" in line and "12 probe" in line and "12 shear" in line
+    case.engine(step.spared)
+    step, line = submit()
+    assert not step.last and "2 probe" in line and "2 shear" in line and "consolidate" not in line
+    case.engine(step.spared)
+    step, line = submit()
+    assert step.last and not step.spared and "nothing to submit" in line
+    assert [h["points"] for h in case.note()["history"]] == [12, 14]
+
+
+def test_what_runs_start_from_is_never_spared(tmp_path):
+    """Two families, replicate packings on some points, each point with its own consolidation."""
+    more = "[families]\nG_p_only = true\n"
+    case = Case(tmp_path, "5%", n=16, more=more)
+    text = case.config.text.replace("N = 64", "N = 64\npackings = [1, 2]\nreplicate_points = 5")
+    case.config = parse_config(text.replace("[consolidation]", "[consolidation]\nper_point = true"), case.config.source)
+    case.rows = synthetic_runs.planned(case.config, case.folder, 16)
+    step = enough.next_step(case.config, case.folder, case.rows)
+    kept = {row.run_id: row for row in case.rows if row.run_id not in step.spared}
+    used = set(case.note()["order"][:12])
+    assert all(row.start in kept for row in kept.values() if row.start)
+    shear = [row for row in case.rows if row.stage == "shear"]
+    assert {row.run_id for row in shear if row.point in used} == {r for r in kept if r.startswith("shear")}
+    assert len(kept) < len(case.rows)
