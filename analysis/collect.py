@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from analysis import runfile, stopping, weighted
-from analysis.run_states import RunStates, run_states
+from analysis.run_states import RunStates, probe_asymmetry, run_states
 
 COLUMNS = ("run_id", "stage", "family", "point", "packing", "mu_iso", "mu_s", "G_p", "product")
 CHECKED = {"consolidate": ("G_p", "mu_iso"), "shear": ("mu_s", "G_p", "mu_iso"), "probe": ("mu_s", "G_p", "mu_iso")}
@@ -90,7 +90,7 @@ def _read(row):
         line |= {name: str(run.attrs.get(name, "")) for name in ("created", "yade_version", "script_digest")}
         states = run_states(run) if row.stage in STAGE_STATES else None
         shear = states if row.stage == "shear" else RunStates()
-        line["probe_asymmetry"] = _asymmetry(run.probe)
+        line["probe_asymmetry"] = probe_asymmetry(run.probe)
         line |= {"N": int(run.parameters.get("N", 0)), "critical_from": shear.critical_from, "unsteady": shear.unsteady}
         return line, states
     if failed.exists():
@@ -102,13 +102,6 @@ def _read(row):
     line |= dict.fromkeys(TIMES + PROOFS, np.nan) | {"created": "", "yade_version": "", "script_digest": ""}
     line |= {"probe_asymmetry": np.nan, "N": 0, "critical_from": np.nan, "unsteady": ""}
     return line, None
-
-
-def _asymmetry(probe):
-    """Relative difference of the stiffnesses that the two signs of a probe give, large if contacts slide."""
-    if not probe or "G_0_minus" not in probe:
-        return float("nan")
-    return float(2 * abs(probe["G_0"] - probe["G_0_minus"]) / (probe["G_0"] + probe["G_0_minus"]))
 
 
 def _check(run, row):

@@ -6,11 +6,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from analysis import grading, micromechanics, triaxial
+from analysis import grading, micromechanics, stiffness, triaxial
 from analysis.quantities import RESPONSES
 from analysis.runfile import Run, RunFileError, read_snapshot
 
 INDICES = ("I_G", "I_G_active", "I_G_stress")
+#: Largest difference of the two signs of a probe that still counts as elastic.
+SLIDING = 0.05
 
 
 @dataclass(frozen=True)
@@ -35,12 +37,14 @@ class RunStates:
 def run_states(run: Run) -> RunStates:
     """Responses and states of a shear run, or the moduli of a probe run, all in SI units.
 
-    The initial state is the record's row at zero strain, the peak that of the smoothed stress ratio, the critical state
-    the average of the last part (`analysis.triaxial`).  Grading indices come from the snapshots: the first, the one
-    nearest to the peak, the last.  Raises runfile.RunFileError if something needed is missing or not finite.
+    A probe in which contacts slide (its two signs differ by more than 5 %) gives way to the static solve of its contact
+    network, the elastic stiffness.  The initial state is the record's row at zero strain, the peak that of the smoothed
+    stress ratio, the critical state the average of the last part (`analysis.triaxial`).  Grading indices come from the
+    snapshots: the first, the one nearest to the peak, the last.  Raises runfile.RunFileError if something needed is
+    missing or not finite.
     """
     if run.stage == "probe":
-        return RunStates(states={"probe": {k: float(run.probe[k]) for k in ("G_0", "K_0") if k in run.probe}})
+        return RunStates(states={"probe": _moduli(run)})
     record = run.record
     strain, sigma = record["eps_a"], record["sigma"]
     principal = np.linalg.eigvalsh(record["Phi"])
@@ -67,6 +71,21 @@ def run_states(run: Run) -> RunStates:
         errors={"peak": {"eta": peak.eta_error}, "critical": dict(critical.error)}, grains=_grains(run),
         critical_from=critical.eps_from, unsteady=critical.reason,
     )  # fmt: skip
+
+
+def probe_asymmetry(probe) -> float:
+    """Relative difference of the stiffnesses that the two signs of a probe give; large if contacts slide."""
+    if not probe or "G_0_minus" not in probe:
+        return np.nan
+    return float(2 * abs(probe["G_0"] - probe["G_0_minus"]) / (probe["G_0"] + probe["G_0_minus"]))
+
+
+def _moduli(run) -> dict[str, float]:
+    """G_0 and K_0 of a probe; of the static network where the probe's two signs show that contacts slide in it."""
+    if probe_asymmetry(run.probe) > SLIDING and run.snapshots:
+        moduli = stiffness.network_moduli(read_snapshot(run, 0))
+        return {"G_0": moduli.G_0, "K_0": moduli.K_0}
+    return {k: float(run.probe[k]) for k in ("G_0", "K_0") if k in run.probe}
 
 
 def _grading_indices(run, strain):
