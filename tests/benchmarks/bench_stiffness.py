@@ -53,7 +53,7 @@ def main() -> None:
 def rest(mu_iso: float, G_p: float) -> Path:
     """Product of the 1e-5 probe: the packing at rest with this modulus."""
     first = dem_runs.run("consolidate", assembly=dem_runs.assembly(N, SEED), mu_iso=mu_iso, G_p=25.7e9, seed=SEED)
-    return dem_runs.run("probe", start=first, mu_s=MU_S, G_p=G_p)
+    return dem_runs.run("probe", start=first, mu_s=MU_S, G_p=G_p, probe_strain=1e-5)
 
 
 def measure(mu_iso: float, G_p: float) -> dict[str, float]:
