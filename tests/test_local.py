@@ -54,7 +54,8 @@ def kill_and_restart(small, kills: int, rng: random.Random, longest: float, **en
 
 
 def test_killed_at_random_moments_ends_with_the_same_products(tmp_path):
-    whole = finish(make_small(tmp_path / "whole"))
+    whole = make_small(tmp_path / "whole")
+    assert whole.command("run").returncode == 0
     small = make_small(tmp_path / "killed", seconds=0.4)
     small.toml.write_text(whole.toml.read_text())
     assert kill_and_restart(small, 4, random.Random(1), 4.0) == 4
