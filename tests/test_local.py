@@ -1,5 +1,6 @@
 """The local engine: exactly the missing rows, killed and taken up again, and no door left open."""
 
+import functools
 import os
 import random
 import signal
@@ -66,8 +67,10 @@ def test_killed_at_random_moments_ends_with_the_same_products(tmp_path):
 
 def test_interrupt_ends_in_one_line_and_leaves_nothing_running(tmp_path):
     small = make_small(tmp_path, seconds=30.0)
+    # whoever runs these tests in the background has Ctrl-C ignored, and children inherit that
+    heard = functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
     run = subprocess.Popen(small.line("run"), env=small.env(), cwd=ROOT, start_new_session=True, text=True,
-                           stdout=subprocess.PIPE, stderr=subprocess.PIPE)  # fmt: skip
+                           stdout=subprocess.PIPE, stderr=subprocess.PIPE, preexec_fn=heard)  # fmt: skip
     while len(small.started()) < 2:
         time.sleep(0.05)
     os.kill(run.pid, signal.SIGINT)

@@ -112,7 +112,7 @@ def test_response_depends_on_stiffness_over_stress_alone(folder):
 
 def test_a_killed_run_goes_on_from_its_checkpoint(folder):
     """SIGKILL after the first checkpoint; the second start ends it with a gapless record and says so."""
-    row = SHEAR | {"description": "killed", "checkpoint_seconds": 1.0, "strain_end": 0.03}
+    row = SHEAR | {"description": "killed", "checkpoint_seconds": 0.2, "strain_end": 0.1}
     yade_runs.stage_killed_when("shear", folder, folder / "killed.checkpoint", **row)
     assert not (folder / "killed.h5").exists() and (folder / "killed.checkpoint").exists()
     done = yade_runs.stage("shear", folder, **row)
