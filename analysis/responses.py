@@ -30,9 +30,10 @@ def build_results(folder, plan, points, settings=None) -> Path:
     plan: frame run_id, stage, family, point, packing, mu_iso, mu_s, G_p (Pa), product (path), start; optionally status,
     "spared" for runs that need no product: points without any are filled by regression and marked.
     points: frame id, mu_s, G_p (Pa), probability (sum 1); optionally family, where a family has points of its own.
-    settings: dict, all optional: campaign (name), config (TOML text), pairs (n, 2), source (where the pairs come from),
-    marginals (dicts with a "variable", best first, or two lists in the order mu_s, G_p), copulas (best first), joint,
-    all as objects or as their dicts, point_attrs (dict of method, seed, discrepancy ...), versions (dict),
+    settings: dict, all optional: campaign (name), config (TOML text), settings (dict of every key, defaults included),
+    pairs (n, 2), source (where the pairs come from), marginals (dicts with a "variable", best first, or two lists in
+    the order mu_s, G_p), copulas (best first), joint, all as objects or as their dicts, point_attrs (dict of method,
+    seed, discrepancy ...), versions (dict),
     max_lost_probability (0.05), density_method ("exact" or "tvd"), bandwidth (None: chosen from the data), cells (400).
 
     Raises ResponsesError or runfile.RunFileError, and writes nothing, if a product is missing, truncated or was run
@@ -66,7 +67,8 @@ def _write_head(file, points, settings, strain, groups, grains):
                 "pandas": pd.__version__, "h5py": h5py.__version__, "matplotlib": matplotlib.__version__}  # fmt: skip
     file.attrs.update(
         format=FORMAT, format_version=FORMAT_VERSION, campaign=settings.get("campaign", ""),
-        config=settings.get("config", ""), versions=json.dumps(versions | settings.get("versions", {})),
+        config=settings.get("config", ""), settings=json.dumps(settings.get("settings", {})),
+        versions=json.dumps(versions | settings.get("versions", {})),
         created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         max_lost_probability=settings["max_lost_probability"],
     )  # fmt: skip

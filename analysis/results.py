@@ -161,7 +161,8 @@ def read_results(path) -> Results:
                     f"{path}: format {attrs.get('format')!r} version {attrs.get('format_version')!r}, "
                     f"want {FORMAT!r} version {FORMAT_VERSION}"
                 )
-            attrs["versions"] = json.loads(attrs.get("versions", "{}"))
+            for name in ("versions", "settings"):
+                attrs[name] = json.loads(attrs.get(name, "{}"))
             inputs = {k: json.loads(v) if k != "source" else v for k, v in _plain(file["inputs"].attrs).items()}
             return Results(
                 path=path, attrs=attrs, strain=file["strain"][()], densities=tuple(file["densities"][()].tolist()),

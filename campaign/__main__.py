@@ -43,6 +43,10 @@ def main(argv: list[str] | None = None) -> int:
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except ModuleNotFoundError as error:
+        print(f"campaign: {error.name}: no such package for {sys.executable}; `make setup` installs it for "
+              "/usr/bin/python3", file=sys.stderr)  # fmt: skip
+        return 2
     except OSError as error:
         print(f"campaign: {error.filename or ''}: {error.strerror or error}", file=sys.stderr)
         return 2

@@ -8,13 +8,14 @@ from dataclasses import asdict
 from pathlib import Path
 
 from campaign import enough
-from campaign.config import ROOT, Config
-from campaign.files import read_json, write_json
+from campaign.config import ROOT, SECTIONS, Config
+from campaign.files import code_digest, read_json, write_json
 from campaign.plan import Row
 from campaign.prepare import PlanError, read_points
 from campaign.products import look, write_blocked
 
 NOTE = "tables/analysed.json"
+ANALYSIS = ROOT / "analysis"
 
 
 def analyse(config: Config, folder: Path, rows: list[Row]) -> str:
@@ -56,7 +57,7 @@ def report(config: Config, folder: Path) -> str:
     if not results.exists():
         raise PlanError(f"{folder}: has no results.h5; `analyse` makes it")
     stat = results.stat()
-    wanted = hashlib.sha256(f"{stat.st_size} {stat.st_mtime_ns} {_code_digest()}".encode()).hexdigest()
+    wanted = hashlib.sha256(f"{stat.st_size} {stat.st_mtime_ns} {code_digest(ANALYSIS)}".encode()).hexdigest()
     noted = read_json(folder / NOTE, {})
     if noted.get("report") == wanted and (folder / "report.html").exists():
         return f"{folder.name}: report.html is up to date"
@@ -83,6 +84,8 @@ def _settings(config: Config, folder: Path) -> dict:
     return {
         "campaign": config.name,
         "config": config.text,
+        "settings": {name: asdict(getattr(config, name)) for name in SECTIONS},
+        "versions": {"analysis code": code_digest(ANALYSIS)[:12]},
         **{k: noted[k] for k in ("pairs", "source", "marginals", "copulas", "joint", "point_attrs")},
         "max_lost_probability": config.failures.max_lost_probability,
         "density_method": config.pdem.method,
@@ -93,7 +96,7 @@ def _settings(config: Config, folder: Path) -> dict:
 
 def _digest(config: Config, folder: Path, rows: list[Row], spared: frozenset[str] = frozenset()) -> str:
     """What results.h5 depends on: rows, products, points, settings and the analysis' code."""
-    digest = hashlib.sha256(_code_digest().encode())
+    digest = hashlib.sha256(code_digest(ANALYSIS).encode())
     digest.update(json.dumps([config.text, asdict(config.pdem), asdict(config.failures)]).encode())
     digest.update((folder / "inputs.json").read_bytes())
     for row in rows:
@@ -104,11 +107,4 @@ def _digest(config: Config, folder: Path, rows: list[Row], spared: frozenset[str
         path = path if path.exists() else path.with_suffix(".failed.json")
         s = path.stat()
         digest.update(f"{row.run_id} {path.suffix} {s.st_size} {s.st_mtime_ns}\n".encode())
-    return digest.hexdigest()
-
-
-def _code_digest() -> str:
-    digest = hashlib.sha256()
-    for path in sorted((ROOT / "analysis").rglob("*.py")):
-        digest.update(path.read_bytes())
     return digest.hexdigest()

@@ -8,8 +8,9 @@ import sys
 import time
 from pathlib import Path
 
-from campaign.config import Config
+from campaign.config import ROOT, Config
 from campaign.enough import spared, verdict
+from campaign.files import code_digest
 from campaign.plan import STAGES, Row
 from campaign.products import State, look, stale
 
@@ -36,8 +37,8 @@ def summary(config: Config, rows: list[Row], states: dict[str, State]) -> dict:
     """Counts by stage, failures with reasons, core-hours spent and predicted, seconds to go."""
     counts = {stage: dict.fromkeys(ORDER, 0) | {"total": 0} for stage in (*STAGES, "total")}
     failed, spent, done_predicted, to_go = [], 0.0, 0.0, 0.0
-    notes = {"retried": 0, "resumed": 0}
-    digests = set()
+    notes = {"retried": 0, "resumed": 0, "other_scripts": 0}
+    digests, present = set(), code_digest(ROOT / "yade_scripts")
     for row in rows:
         state = states[row.run_id]
         for stage in (row.stage, "total"):
@@ -51,10 +52,14 @@ def summary(config: Config, rows: list[Row], states: dict[str, State]) -> dict:
             done_predicted += row.cpu_seconds
             notes["retried"] += bool(state.facts.get("retried"))
             notes["resumed"] += bool(state.facts.get("resumed"))
-            digests.add(state.facts.get("script_digest", ""))
+            made_by = state.facts.get("script_digest", "")
+            notes["other_scripts"] += not present.startswith(made_by)
+            digests.add(made_by)
         elif state.state not in ("failed", "spared"):
             to_go += row.cpu_seconds
     pace = spent / done_predicted if done_predicted and spent else 1.0
+    total = counts["total"]
+    places = max(total["running"], 1) if total["queued"] else jobs(config)  # a cluster shows how much it gives at once
     return {
         "campaign": config.name,
         "counts": counts,
@@ -62,7 +67,7 @@ def summary(config: Config, rows: list[Row], states: dict[str, State]) -> dict:
         "core_hours_spent": spent / 3600.0,
         "core_hours_predicted": sum(r.cpu_seconds for r in rows) / 3600.0,
         "core_hours_to_go": to_go * pace / 3600.0,
-        "seconds_to_go": to_go * pace / jobs(config),
+        "seconds_to_go": to_go * pace / places,
         "script_versions": len(digests),
         **notes,
     }
@@ -96,8 +101,9 @@ def status_text(told: dict) -> str:
         lines.append(f"{told['retried']} runs needed a second try with a smaller step")
     if told["resumed"]:
         lines.append(f"{told['resumed']} runs went on from a checkpoint")
-    if told["script_versions"] > 1:
-        lines.append(f"note: the products come from {told['script_versions']} versions of yade_scripts")
+    if told["other_scripts"]:
+        lines.append(f"note: {told['other_scripts']} products were made by other yade_scripts than the present ones "
+                     f"({told['script_versions']} versions in all)")  # fmt: skip
     return "\n".join(lines)
 
 

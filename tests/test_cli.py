@@ -4,10 +4,14 @@ import json
 import resource
 
 import h5py
+import numpy as np
 import pytest
 from campaign_cases import finish, make_small
 
+from analysis.results import read_results
+from analysis.triaxial import stress_ratio
 from campaign import evaluate
+from campaign.products import recorded_sums
 
 
 def test_help_names_every_command(tmp_path):
@@ -53,6 +57,30 @@ def test_results_know_where_they_come_from_and_are_made_once(tmp_path):
     stamp = (small.folder / "results.h5").stat().st_mtime_ns
     assert "up to date" in small.command("analyse").stdout
     assert (small.folder / "results.h5").stat().st_mtime_ns == stamp
+
+
+def test_a_number_leads_back_to_its_run_parameters_versions_and_seeds(tmp_path):
+    """From one value of results.h5 to the product behind it, by what stands in results.h5 alone."""
+    small = make_small(tmp_path, n=8)
+    finish(small)
+    assert small.command("analyse").returncode == 0
+    results = read_results(small.folder / "results.h5")
+    eta = results.response("eta", mu_iso=0.04)
+    points = results.family_points()
+    assert {"python", "numpy", "scipy", "pandas", "h5py", "matplotlib", "analysis code"} == set(results.attrs["versions"])
+    settings = results.attrs["settings"]  # defaults included
+    assert (settings["inputs"]["seed"], settings["points"]["seed"], settings["assembly"]["packings"]) == (1, 1, [1])
+    for k, point in points.iterrows():
+        runs = results.runs
+        (run,) = runs[(runs.stage == "shear") & (runs.mu_iso == 0.04) & (runs.point == point.id)].itertuples()
+        with h5py.File(small.folder / "products" / f"{run.run_id}.h5") as product:
+            ratio = stress_ratio(product["record/sigma"][()])
+            assert np.interp(results.strain[-1], product["record/eps_a"][()], ratio) == pytest.approx(eta.values[-1, k])
+            used, head = product["parameters"].attrs, product.attrs
+            assert (used["mu_s"], used["G_p"], used["seed"]) == (point.mu_s, point.G_p, run.packing)
+            assert (head["yade_version"], head["script_digest"], head["created"]) == (
+                run.yade_version, run.script_digest, run.created)  # fmt: skip
+            assert f"{run.run_id}.h5" in recorded_sums(small.folder / "products")
 
 
 def test_changed_setting_or_product_makes_results_anew(tmp_path):

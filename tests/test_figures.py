@@ -7,6 +7,7 @@ import pytest
 import synthetic_results as synthetic
 from matplotlib import colormaps, rcParams
 from matplotlib.figure import Figure
+from PIL import Image
 
 from analysis import weighted
 from analysis.figures import FIGURES, panels, style, write_figures
@@ -27,6 +28,8 @@ def test_a_figure_is_a_small_png_named_after_the_papers(results, tmp_path, name)
     assert path.name == f"{name}.png" and path.read_bytes().startswith(b"\x89PNG")
     assert 10_000 < path.stat().st_size <= style.LIMIT_BYTES
     assert dict(rcParams) == before
+    source = f"{results.attrs['campaign']}: results.h5 of {results.attrs['created']}, {len(results.runs)} runs"
+    assert Image.open(path).text["Source"] == source
 
 
 def test_all_figures_2_to_15_are_there():

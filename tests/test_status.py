@@ -2,11 +2,13 @@
 
 import json
 
+import h5py
 import pytest
-from campaign_cases import finish, make_small
+from campaign_cases import ROOT, finish, make_small
 
-from campaign.products import look, write_failure
-from campaign.status import Progress, bar, campaign_status, span, status_text, summary
+from campaign.files import code_digest
+from campaign.products import State, look, record_sum, write_failure
+from campaign.status import Progress, bar, campaign_status, jobs, span, status_text, summary
 
 
 @pytest.fixture
@@ -43,6 +45,27 @@ def test_time_to_go_follows_the_pace_of_the_runs_so_far(small):
     left = sum(r.cpu_seconds for r in small.rows if states[r.run_id].state == "missing")
     assert told["core_hours_to_go"] == pytest.approx(left * pace / 3600)
     assert told["core_hours_spent"] == pytest.approx(2.0 * len(done) / 3600)
+    assert told["seconds_to_go"] == pytest.approx(left * pace / jobs(small.config))
+
+
+def test_on_a_cluster_the_time_to_go_follows_from_what_runs_at_once(small):
+    states = look(small.folder, small.rows)
+    words = ["running"] * 3 + ["queued"] * 4
+    states |= {r.run_id: State(r.run_id, word) for r, word in zip(small.rows, words, strict=False)}
+    told = summary(small.config, small.rows, states)
+    assert told["counts"]["total"]["queued"] == 4
+    assert told["seconds_to_go"] == pytest.approx(told["core_hours_to_go"] * 3600 / 3)
+
+
+def test_products_of_other_scripts_are_counted_and_said(small):
+    """The stand-in's products name no real version of yade_scripts, so all of them are of another."""
+    path = small.product(0)
+    with h5py.File(path, "r+") as file:
+        file.attrs["script_digest"] = code_digest(ROOT / "yade_scripts")
+    record_sum(path)
+    told = campaign_status(small.config, small.folder, small.rows)
+    assert (told["counts"]["total"]["done"], told["other_scripts"], told["script_versions"]) == (15, 14, 2)
+    assert "14 products were made by other yade_scripts than the present ones (2 versions in all)" in status_text(told)
 
 
 def test_cost_of_looking_grows_linearly(tmp_path, monkeypatch):

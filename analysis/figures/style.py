@@ -28,12 +28,13 @@ def new_figure(width=7.2, height=4.8) -> Figure:
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def save(figure: Figure, path, dpi=150) -> Path:
-    """Write a PNG below 300 kB: the resolution gives way, never below 80 dots per inch; returns the path."""
+def save(figure: Figure, path, source="", dpi=150) -> Path:
+    """Write a PNG below 300 kB that names its source: resolution gives way, not below 80 dots per inch; the path."""
     path = Path(path)
     while True:
         buffer = io.BytesIO()
-        figure.savefig(buffer, format="png", dpi=dpi, facecolor="white", metadata={"Software": None})
+        figure.savefig(buffer, format="png", dpi=dpi, facecolor="white",
+                       metadata={"Software": None, "Source": source})  # fmt: skip
         if buffer.tell() <= LIMIT_BYTES or dpi <= 80:
             break
         dpi = max(80, int(0.85 * dpi))
