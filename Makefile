@@ -44,8 +44,8 @@ bench-dem: setup ## the DEM protocol's run time against error; resumable, writes
 stress: setup ## the stability map of the DEM protocol; writes data/benchmarks
 	@$(PYTHON) tests/benchmarks/bench_stability.py
 
-slurm-test: setup ## a real one-node SLURM from Debian's packages (root), and a campaign through it
-	@sh tests/slurm_node.sh $(PYTHON) -m pytest -q -m long tests/test_slurm.py
+slurm-test: setup ## a real one-node SLURM from Debian's packages (root), and the default campaign through it (CAMPAIGN= for nine short runs)
+	@sh tests/slurm_node.sh env SLURM_TEST_CAMPAIGN=$(CAMPAIGN) $(PYTHON) -m pytest -q -m long tests/test_slurm.py
 
 clean: ## remove caches and virtual environments (never runs/)
 	@rm -rf $(VENVS) .pytest_cache .ruff_cache build

@@ -27,13 +27,14 @@ needs_batch = pytest.mark.skipif(shutil.which("yade-batch") is None, reason="yad
 
 @dataclass
 class Small:
-    """A campaign of n points x 2 densities in its own folder, run by the stand-in for YADE."""
+    """A planned campaign in its own folder, run by the stand-in for YADE unless `yade` says otherwise."""
 
     toml: Path
     folder: Path
     rows: list[Row]
     config: Config
     fake: dict = field(default_factory=dict)
+    yade: str = FAKE
 
     def command(self, *words: str, **env: str) -> subprocess.CompletedProcess:
         """python3 -m campaign WORDS, as from a shell."""
@@ -43,7 +44,7 @@ class Small:
         return [sys.executable, "-m", "campaign", words[0], str(self.toml), "--folder", str(self.folder), *words[1:]]
 
     def env(self, **env: str) -> dict[str, str]:
-        return os.environ | {"CAMPAIGN_YADE": FAKE, "FAKE_YADE": json.dumps(self.fake)} | env
+        return os.environ | {"CAMPAIGN_YADE": self.yade, "FAKE_YADE": json.dumps(self.fake)} | env
 
     def status(self) -> dict:
         return json.loads(self.command("status", "--json").stdout)
@@ -82,15 +83,46 @@ def make_small(place: Path, n: int = 2, more: str = "", fitted: bool = False, **
     return Small(toml, folder, rows, config, {"products": str(ready), **fake})
 
 
-def make_real(place: Path, n: int = 2, spheres: int = 200) -> Small:
-    """A planned campaign of n points at one density for YADE itself: about ten CPU seconds a run."""
+def make_real(place: Path, n: int = 2, spheres: int = 200, more: str = "") -> Small:
+    """A planned campaign of n points at one density for YADE itself: about ten CPU seconds a run.
+
+    more: further lines of the file's [assembly].
+    """
     small = make_small(place, n)
-    text = small.toml.read_text().replace("N = 64", f"N = {spheres}").replace("[0.001, 0.04]", "[0.04]")
+    text = small.toml.read_text().replace("N = 64", f"N = {spheres}\n{more}").replace("[0.001, 0.04]", "[0.04]")
     small.toml.write_text(text.replace("strain_end = 0.1", "strain_end = 0.05") + "[dem]\ntimestep_factor = 1.0\n")
-    small.config = read_config(small.toml)
+    small.config, small.yade = read_config(small.toml), "yade"
     small.rows = synthetic_runs.planned(small.config, small.folder, n)
     write_plan(small.rows, small.folder)
     return small
+
+
+def plan_real(toml: Path, folder: Path, like: Path | None = None) -> Small:
+    """The campaign of a file, planned in `folder` as `plan` does it, for YADE itself.
+
+    like: a folder whose points to take; chosen anew with another numpy they differ in the 13th digit, and so do ids.
+    """
+    config = read_config(toml)
+    if like:
+        folder.mkdir(parents=True)
+        for name in ("points.csv", "inputs.json"):
+            shutil.copy(like / name, folder)
+    rows = make_rows(config, prepare(config, folder)[0])
+    write_plan(rows, folder)
+    return Small(toml, folder, rows, config, yade="yade")
+
+
+def undisturbed(toml: Path, folder: Path) -> Small:
+    """The campaign of a file, run in `folder` without disturbance; what is finished there is taken as it is.
+
+    AssertionError if a run failed, or if a product was made by other scripts than the present ones.
+    """
+    whole = plan_real(toml, folder)
+    done = whole.command("run", "--quiet")
+    assert done.returncode == 0, done.stderr
+    told = whole.status()
+    assert told["other_scripts"] == 0, f"{folder}: {told['other_scripts']} products are of other scripts than now"
+    return whole
 
 
 def same_arrays(a: h5py.File, b: h5py.File) -> bool:

@@ -1,19 +1,29 @@
 #!/bin/sh
 # A real SLURM of one node on this machine, from Debian's packages, for the length of one command:
 #   sh tests/slurm_node.sh COMMAND...
-# Needs root.  Everything listens on loopback and lives in a temporary folder; nothing outlives the command.
+# Needs root.  Everything listens on loopback and lives in a temporary folder; nothing outlives the command.  Where
+# SLURM cannot be had, the command runs without it and finds the reason in NO_SLURM.
 set -e
-[ "$(id -u)" = 0 ] || { echo "slurm_node.sh: needs root"; exit 77; }
+without() {
+  reason=$1
+  shift
+  echo "slurm_node.sh: $reason"
+  NO_SLURM="$reason" "$@"
+  exit
+}
+[ "$(id -u)" = 0 ] || without "setting up SLURM needs root" "$@"
 if ! command -v slurmctld >/dev/null || ! command -v munged >/dev/null; then
   echo "installing: slurm-wlm munge"
-  apt-get -qq update
-  DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends slurm-wlm munge </dev/null
+  { apt-get -qq update && DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends \
+    slurm-wlm munge </dev/null; } || without "slurm-wlm and munge cannot be installed" "$@"
 fi
 
 place=$(mktemp -d /tmp/slurm-node.XXXXXX)
 name=$(hostname -s)
 port=${SLURM_NODE_PORT:-16817}
+SLURM_CONF=
 stop() {
+  [ -z "$SLURM_CONF" ] || scancel --me 2>/dev/null || true
   for pid in "$place"/slurmd.pid "$place"/slurmctld.pid "$place"/munged.pid; do
     [ -s "$pid" ] && kill "$(cat "$pid")" 2>/dev/null || true
   done
@@ -69,8 +79,7 @@ for _ in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15; do
   sleep 1
 done
 if [ "$(sinfo -h -o %t)" != idle ]; then
-  echo "slurm_node.sh: the node does not come up"
   tail -5 "$place"/slurmctld.log "$place"/slurmd.log
-  exit 77
+  without "the SLURM node does not come up" "$@"
 fi
 "$@"

@@ -67,7 +67,7 @@ def test_a_number_leads_back_to_its_run_parameters_versions_and_seeds(tmp_path):
     results = read_results(small.folder / "results.h5")
     eta = results.response("eta", mu_iso=0.04)
     points = results.family_points()
-    assert {"python", "numpy", "scipy", "pandas", "h5py", "matplotlib", "analysis code"} == set(results.attrs["versions"])
+    assert {"python", "numpy", "scipy", "pandas", "h5py", "matplotlib", "analysis code"} == {*results.attrs["versions"]}
     settings = results.attrs["settings"]  # defaults included
     assert (settings["inputs"]["seed"], settings["points"]["seed"], settings["assembly"]["packings"]) == (1, 1, [1])
     for k, point in points.iterrows():

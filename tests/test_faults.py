@@ -243,6 +243,7 @@ def test_disk_full_while_writing(small_disk, table):
 def test_read_only_folder(small_disk, table):
     small = make_small(small_disk)
     finish(small, small.rows[-1])
+    assert small.command("plan").returncode == 0
     before = small.sums()
     subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
     done = small.command("run")

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from campaign_cases import ROOT, finish, make_small, needs_batch
+from kill_runs import kill_and_restart
 
 pytestmark = needs_batch
 
@@ -33,33 +34,13 @@ def test_runs_exactly_what_is_missing(tmp_path):
     assert sorted(small.started()) == [small.rows[3].run_id, small.rows[-1].run_id]
 
 
-def kill_and_restart(small, kills: int, rng: random.Random, longest: float, **env) -> int:
-    """Kill the campaign's whole process group at random moments until it ends by itself; returns the kills survived."""
-    survived = 0
-    while True:
-        run = subprocess.Popen(small.line("run", "--quiet"), env=small.env(**env), cwd=ROOT,
-                               start_new_session=True, stdout=subprocess.DEVNULL,
-                               stderr=subprocess.DEVNULL)  # fmt: skip
-        try:
-            code = run.wait(timeout=rng.uniform(0.2, longest) if survived < kills else None)
-            assert code == 0
-            return survived
-        except subprocess.TimeoutExpired:
-            done = small.sums()
-            os.killpg(run.pid, signal.SIGKILL)
-            run.wait()
-            survived += 1
-        told = small.status()["counts"]["total"]
-        assert told["total"] == len(small.rows)
-        assert done.items() <= small.sums().items()  # no finished product lost or changed
-
-
 def test_killed_at_random_moments_ends_with_the_same_products(tmp_path):
     whole = make_small(tmp_path / "whole")
     assert whole.command("run").returncode == 0
-    small = make_small(tmp_path / "killed", seconds=0.4)
+    small = make_small(tmp_path / "killed", seconds=0.8)
     small.toml.write_text(whole.toml.read_text())
-    assert kill_and_restart(small, 4, random.Random(1), 4.0) == 4
+    told = kill_and_restart(small, 4, random.Random(1), 1.0)
+    assert told.kills == 4 and told.interrupted
     assert small.sums() == whole.sums()
     finished = {r.run_id for r in small.rows}
     assert set(small.started()) == finished and small.total("done") == 10

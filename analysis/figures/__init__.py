@@ -29,7 +29,8 @@ FIGURES = {
 def write_figures(results, folder, names=None) -> list[Path]:
     """Draw the named figures (all by default) from results (a path or open) into a folder; returns the PNG paths.
 
-    A PNG stays below 300 kB, and its text chunk "Source" names the results it was drawn from.  Raises KeyError for a name that is no figure, ResultsError for results that lack it.
+    A PNG stays below 300 kB, and its text chunk "Source" names the results it was drawn from.  Raises KeyError for a
+    name that is no figure, ResultsError for results that lack it.
     """
     results = read_results(results)
     folder = Path(folder)

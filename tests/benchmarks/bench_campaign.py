@@ -1,16 +1,20 @@
 """What the campaign's bookkeeping costs and survives: scale, overhead and the kill test, as CSV under data/benchmarks.
 
     /usr/bin/python3 tests/benchmarks/bench_campaign.py [scale] [overhead] [kill] [faults]
+    /usr/bin/python3 tests/benchmarks/bench_campaign.py kill --config campaign/demo.toml --whole runs/demo
 
 scale     planning, status and analyse's bookkeeping for 100, 1,000 and 10,000 rows, products synthesised: CPU seconds
-overhead  a campaign of 20 short runs: wall time over (the sum of the runs' own times / runs at once)
-kill      a campaign in YADE killed 20 times at random moments, against the same one undisturbed
+overhead  a campaign of 20 short runs in YADE: wall time over (the sum of the runs' own times / runs at once)
+kill      a campaign in YADE (--config, by default the demo) killed 20 times at random moments, against the same one
+          undisturbed (--whole FOLDER: run there, or taken from there as far as it is finished)
 faults    the fault table that tests/test_faults.py leaves in build/
 """
 
 from __future__ import annotations
 
+import argparse
 import csv
+import os
 import random
 import re
 import shutil
@@ -25,8 +29,8 @@ sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
 
 import h5py  # noqa: E402
 import synthetic_runs  # noqa: E402
-from campaign_cases import make_real, make_small, same_arrays  # noqa: E402
-from test_local import kill_and_restart  # noqa: E402
+from campaign_cases import make_real, make_small, plan_real, undisturbed  # noqa: E402
+from kill_runs import SCATTER, compare, kill_and_restart  # noqa: E402
 
 from campaign import evaluate  # noqa: E402
 from campaign.config import read_config  # noqa: E402
@@ -37,7 +41,7 @@ from campaign.status import campaign_status, status_text  # noqa: E402
 OUT = ROOT / "data" / "benchmarks"
 
 
-def scale(place: Path) -> None:
+def scale(place: Path, asked) -> None:
     """CPU seconds of planning and looking at 100, 1,000 and 10,000 rows."""
     lines = []
     for n in (25, 250, 2500):
@@ -68,43 +72,70 @@ def _bookkeeping(config, folder, rows) -> None:
     campaign_status(config, folder, rows)
 
 
-def overhead(place: Path) -> None:
-    """Wall time of 20 runs that use a core each, against the sum of their own times over the runs at once."""
-    lines = []
-    for seconds in (5.0, 10.0):
-        more = "[run]\njobs = 2\n"
-        small = make_small(place / f"{seconds:g}", n=2, more=more, cpu_seconds=seconds)
-        text = small.toml.read_text().replace("N = 64", "N = 64\npackings = [1, 2]")
-        small.toml.write_text(text)
-        began = time.monotonic()
-        done = small.command("run", "--quiet")
-        wall = time.monotonic() - began
-        assert done.returncode == 0, done.stderr
-        own = [float(line) for line in (small.folder / "own_seconds.txt").read_text().split()]
-        ratio = wall / (sum(own) / 2)
-        lines.append({"runs": len(own), "jobs": 2, "cpu_s_a_run": seconds, "mean_own_s": round(sum(own) / 20, 2),
-                      "wall_s": round(wall, 1), "ratio": round(ratio, 3)})  # fmt: skip
-        print(lines[-1], flush=True)
-    _write("campaign_overhead.csv", lines)
+#: Runs YADE and notes when it began and ended, seconds.
+TIMED_YADE = """#!/bin/sh
+began=$(date +%s.%N)
+yade "$@"
+code=$?
+echo "$began $(date +%s.%N)" >>own_times.txt
+exit $code
+"""
 
 
-def kill(place: Path) -> None:
-    """The same campaign in YADE twice, once killed 20 times; every number of every product compared."""
-    whole, killed = make_real(place / "whole", n=4), make_real(place / "killed", n=4)
-    assert whole.command("run", "--quiet", CAMPAIGN_YADE="yade").returncode == 0, whole.status()
-    survived = kill_and_restart(killed, 20, random.Random(7), 25.0, CAMPAIGN_YADE="yade")
-    resumed = same = 0
-    for row in whole.rows:
-        with h5py.File(whole.folder / row.product) as a, h5py.File(killed.folder / row.product) as b:
-            resumed += bool(b.attrs["resumed"])
-            same += same_arrays(a, b)
-    line = {"runs": len(whole.rows), "kills_survived": survived, "products": killed.total("done"),
-            "bit_identical": same, "resumed_inside": resumed}  # fmt: skip
+def overhead(place: Path, asked) -> None:
+    """Wall time of 20 short runs in YADE, two at once, against the sum of their own times over two.
+
+    A run's own time is that of its YADE process; without YADE's start, what its product says.  The rest is told apart:
+    before the first process begins, after the last has ended, and places empty in between.
+    """
+    small = make_real(place, n=2, spheres=100, more="packings = [1, 2, 3, 4]")
+    (place / "timed_yade").write_text(TIMED_YADE)
+    (place / "timed_yade").chmod(0o755)
+    small.yade = str(place / "timed_yade")
+    began = time.time()
+    done = small.command("run", "--quiet", "--jobs", "2")
+    ended = time.time()
+    assert done.returncode == 0, done.stderr
+    times = [tuple(map(float, line.split())) for line in (small.folder / "own_times.txt").read_text().splitlines()]
+    own, wall = sum(b - a for a, b in times), ended - began
+    before, after = min(a for a, _ in times) - began, ended - max(b for _, b in times)
+    inside = sum(_seconds(small.folder / row.product) for row in small.rows)
+    line = {"runs": len(times), "jobs": 2, "mean_own_s": own / len(times), "wall_s": wall, "ratio": wall / (own / 2),
+            "ratio_without_yade_start": wall / (inside / 2), "before_first_s": before, "after_last_s": after,
+            "places_empty_s": (wall - before - after) - own / 2}  # fmt: skip
+    line = {k: round(v, 3) if isinstance(v, float) else v for k, v in line.items()}
     print(line)
-    _write("campaign_kill.csv", [line])
+    _write("campaign_overhead.csv", [line])
 
 
-def faults(place: Path) -> None:
+def kill(place: Path, asked) -> None:
+    """A campaign in YADE twice, once killed at random moments; every number of every product compared."""
+    whole = undisturbed(asked.config, asked.whole or place / "whole")
+    slowest = max(_seconds(whole.folder / row.product) for row in whole.rows)
+    killed = plan_real(asked.config, place / "killed", like=whole.folder)
+    if asked.checkpoint:
+        killed.yade = str(Path(__file__).with_name("checkpoint_often.py"))
+        os.environ["CHECKPOINT_SECONDS"] = str(asked.checkpoint)
+    survived = kill_and_restart(killed, asked.kills, random.Random(asked.seed), slowest)
+    told = compare(whole, killed, survived.interrupted)
+    line = {"campaign": whole.config.name, "checkpoint_s": asked.checkpoint or "default", "runs": len(whole.rows),
+            "kills_survived": survived.kills, "products": killed.total("done"),
+            "interruptions": survived.interrupted.total(), "first_kill_at": round(survived.shares[0], 3),
+            "last_kill_at": round(survived.shares[-1], 3),
+            **{k: round(v, 5) if isinstance(v, float) else v for k, v in told.items()}}  # fmt: skip
+    print(line)
+    _replace("campaign_kill.csv", line, ("campaign", "checkpoint_s"))
+    print(f"{survived.kills} kills survived")
+    assert told["untouched_identical"] == told["untouched"] and told["begun_anew_identical"] == told["begun_anew"], line
+    assert all(told[f"resumed_{name}_difference"] <= limit for name, limit in SCATTER.items()), line
+
+
+def _seconds(product: Path) -> float:
+    with h5py.File(product) as file:
+        return float(file["timing"].attrs["wall_seconds"])
+
+
+def faults(place: Path, asked) -> None:
     """Run the fault tests and keep the table that they write."""
     subprocess.run([sys.executable, "-m", "pytest", "-q", "tests/test_faults.py"], cwd=ROOT, check=True)
     with open(ROOT / "build" / "faults.csv", newline="") as file:
@@ -128,7 +159,28 @@ def _write(name: str, lines: list[dict]) -> None:
         writer.writerows(lines)
 
 
+def _replace(name: str, line: dict, keys: tuple[str, ...]) -> None:
+    """Put a line into a table in place of the one with the same keys."""
+    old = []
+    if (OUT / name).exists():
+        with open(OUT / name, newline="") as file:
+            old = [row for row in csv.DictReader(file) if any(row[key] != str(line[key]) for key in keys)]
+    _write(name, [*old, line])
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("words", nargs="*", metavar="WORD", help="what to measure (default: all four)")
+    parser.add_argument("--config", type=Path, default=ROOT / "campaign" / "demo.toml")
+    parser.add_argument("--whole", type=Path, help="folder of the undisturbed campaign (default: a temporary one)")
+    parser.add_argument("--kills", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=7)
+    parser.add_argument("--checkpoint", type=float, help="seconds between checkpoints (default: the scripts' own)")
+    return parser
+
+
 if __name__ == "__main__":
-    for word in sys.argv[1:] or ("scale", "overhead", "kill", "faults"):
+    asked = _parser().parse_args()
+    for word in asked.words or ("scale", "overhead", "kill", "faults"):
         with tempfile.TemporaryDirectory() as folder:
-            {"scale": scale, "overhead": overhead, "kill": kill, "faults": faults}[word](Path(folder))
+            {"scale": scale, "overhead": overhead, "kill": kill, "faults": faults}[word](Path(folder), asked)
