@@ -44,7 +44,7 @@ bench-dem: setup ## the DEM protocol's run time against error; resumable, writes
 stress: setup ## the stability map of the DEM protocol; writes data/benchmarks
 	@$(PYTHON) tests/benchmarks/bench_stability.py
 
-slurm-test: setup ## a real one-node SLURM from Debian's packages (root), and the default campaign through it (CAMPAIGN= for nine short runs)
+slurm-test: setup ## the default campaign through a real one-node SLURM from Debian's packages (root; CAMPAIGN=: nine short runs)
 	@sh tests/slurm_node.sh env SLURM_TEST_CAMPAIGN=$(CAMPAIGN) $(PYTHON) -m pytest -q -m long tests/test_slurm.py
 
 clean: ## remove caches and virtual environments (never runs/)

@@ -37,8 +37,8 @@ def kill_and_restart(small: Small, kills: int, rng: random.Random, longest: floa
 
     A kill comes up to `longest` seconds (evenly distributed) after the runs finished or at work have reached a share of
     the predicted work that is drawn beforehand, so that the moments are spread over the campaign however slow the
-    machine; the last share leaves a run for every place and one more.  AssertionError if a total in `status` changes, a finished
-    product is lost or made again, or a finished run is started again.
+    machine; the last share leaves a run for every place and one more.  AssertionError if a total in `status` changes, a
+    finished product is lost or made again, or a finished run is started again.
     """
     cost = {row.run_id: row.cpu_seconds for row in small.rows}
     last = 1.0 - (jobs(small.config) + 1) * max(cost.values()) / sum(cost.values())
@@ -101,7 +101,7 @@ def _done(small: Small) -> list[str]:
 
 
 def _at_work(small: Small) -> list[str]:
-    """Runs without a product whose lock is there; after a kill, those that it interrupted: their locks are left behind."""
+    """Runs without a product whose lock is there; after a kill, those that it interrupted, for their locks stay."""
     locks = {path.name[1:].removesuffix(".lock") for path in (small.folder / "products").glob(".*.lock")}
     return [row.run_id for row in small.rows if row.run_id in locks and not (small.folder / row.product).exists()]
 

@@ -6,7 +6,7 @@ import resource
 import h5py
 import numpy as np
 import pytest
-from campaign_cases import finish, make_small
+from campaign_cases import finish, make_small, needs_batch
 
 from analysis.results import read_results
 from analysis.triaxial import stress_ratio
@@ -81,6 +81,27 @@ def test_a_number_leads_back_to_its_run_parameters_versions_and_seeds(tmp_path):
             assert (head["yade_version"], head["script_digest"], head["created"]) == (
                 run.yade_version, run.script_digest, run.created)  # fmt: skip
             assert f"{run.run_id}.h5" in recorded_sums(small.folder / "products")
+
+
+@needs_batch
+def test_changed_config_keeps_what_it_does_not_touch_and_says_what_is_stale(tmp_path):
+    small = finish(make_small(tmp_path))
+    text, before = small.toml.read_text(), small.sums()
+    small.toml.write_text(text + "[run]\njobs = 3\n[pdem]\ncells = 200\n")
+    told = small.status()
+    assert told["counts"]["total"]["done"] == 10 and told["stale"] == []
+    small.toml.write_text(text.replace("strain_end = 0.1", "strain_end = 0.08"))
+    told = small.status()
+    assert told["counts"]["total"] | {"done": 6, "missing": 4, "total": 10} == told["counts"]["total"]
+    assert told["stale"] == sorted(row.run_id for row in small.rows if row.stage == "shear")
+    assert "stale: 4 products of earlier settings, kept and not used" in small.command("status").stdout
+    refused = small.command("analyse")
+    assert refused.returncode == 2 and "4 of 10 runs have no product yet" in refused.stderr
+    assert small.command("run").returncode == 0
+    assert len(small.started()) == 4 and not set(small.started()) & set(before)
+    assert before.items() <= small.sums().items()
+    small.toml.write_text(text)  # and back: everything is there
+    assert small.total("done") == 10
 
 
 def test_changed_setting_or_product_makes_results_anew(tmp_path):

@@ -88,7 +88,7 @@ def _wait(condition, limit: float) -> None:
 def _here_and_there(place):
     """A campaign in YADE twice: done on this machine (in runs/<name>), and planned for SLURM, a task for every run.
 
-    SLURM_TEST_CAMPAIGN names its file; without it a campaign of nine runs of some ten CPU seconds does.
+    SLURM_TEST_CAMPAIGN names its file; without it a campaign of nine runs of some five CPU seconds does.
     """
     file = os.environ.get("SLURM_TEST_CAMPAIGN")
     if file:
