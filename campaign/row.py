@@ -14,6 +14,7 @@ import ctypes
 import fcntl
 import os
 import re
+import resource
 import select
 import shutil
 import signal
@@ -23,7 +24,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from campaign.files import read_json, write_text
+from campaign.files import read_json, write_json, write_text
 from campaign.plan import RETRY_STEP
 from campaign.products import is_locked, record_sum, write_failure
 
@@ -68,7 +69,10 @@ def run_row(table: Path, line: int, script: str) -> int:
             os.dup2(log, 1)
             os.dup2(log, 2)
         try:
-            return _attempts(task, product, script)
+            result = _attempts(task, product, script)
+            if result == FAILED:
+                _note_cost(product.with_suffix(".failed.json"))
+            return result
         finally:
             lock_path.unlink(missing_ok=True)
 
@@ -161,6 +165,12 @@ def _attempts(task: Task, product: Path, script: str) -> int:
     return result
 
 
+def _note_cost(failure: Path) -> None:
+    """Add to the failure file what the run, its second try included, has cost."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    write_json(failure, read_json(failure, {}) | {"cpu_seconds": round(used.ru_utime + used.ru_stime, 2)})
+
+
 def _can_help(reason: str) -> bool:
     """Whether a smaller step may cure what failed: instability, not a rate, a script error or a missing file."""
     return bool(re.search(r"not finite|nan\b|energy|blow|unstable|explod|signal (6|8|11)\b|overlap", reason, re.I))
@@ -230,8 +240,8 @@ def _watch(child: subprocess.Popen, predicted: float) -> str:
         if ready:  # the other end of the pipe is gone, and so is the campaign that asked for this run
             _end(child)
             os._exit(128 + signal.SIGTERM)
-        now = _cpu_seconds(child.pid)
-        if now > used + 0.01:
+        now, waits_for_a_core = _cpu_seconds(child.pid)
+        if now > used + 0.01 or waits_for_a_core:
             used, since = now, time.monotonic()
         if now > most:
             _end(child)
@@ -241,12 +251,13 @@ def _watch(child: subprocess.Popen, predicted: float) -> str:
             return f"stopped: no CPU used for {patience:.0f} s, after {used:.0f} CPU-s (hangs)"
 
 
-def _cpu_seconds(pid: int) -> float:
+def _cpu_seconds(pid: int) -> tuple[float, bool]:
+    """CPU seconds that a process has used, and whether it could use more right now: a busy machine is no hang."""
     try:
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
     except OSError:
-        return 0.0
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+        return 0.0, False
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK"), fields[0] == "R"
 
 
 def _reason(code: int, log: Path) -> str:

@@ -133,7 +133,8 @@ def ended_without_product(folder: Path, missing: list[str]) -> dict[str, str]:
             facts = dict(part.split("=", 1) for part in line.split() if "=" in part)
             if facts.get("ArrayTaskId", "").isdigit():
                 told[job, int(facts["ArrayTaskId"])] = facts.get("JobState", "")
+    unknown = "SLURM knows it no more (cancelled while it waited, or ended long ago)"
     return {
-        run_id: f"SLURM task {job}_{k} ended without a product: {told.get((job, k), 'no longer known to SLURM')}"
+        run_id: f"SLURM task {job}_{k} ended without a product: {told.get((job, k), unknown)}"
         for run_id, (job, k) in wanted.items()
     }

@@ -36,7 +36,7 @@ def campaign_status(config: Config, folder: Path, rows: list[Row], *, rehash: bo
 def summary(config: Config, rows: list[Row], states: dict[str, State]) -> dict:
     """Counts by stage, failures with reasons, core-hours spent and predicted, seconds to go."""
     counts = {stage: dict.fromkeys(ORDER, 0) | {"total": 0} for stage in (*STAGES, "total")}
-    failed, spent, done_predicted, to_go = [], 0.0, 0.0, 0.0
+    failed, spent, lost, done_predicted, to_go = [], 0.0, 0.0, 0.0, 0.0
     notes = {"retried": 0, "resumed": 0, "other_scripts": 0}
     digests, present = set(), code_digest(ROOT / "yade_scripts")
     for row in rows:
@@ -47,6 +47,7 @@ def summary(config: Config, rows: list[Row], states: dict[str, State]) -> dict:
         if state.state in ("failed", "refused"):
             failed.append({"run_id": row.run_id, "state": state.state, "reason": state.reason,
                            "log": f"logs/{row.run_id}.log"})  # fmt: skip
+            lost += state.facts.get("cpu_seconds", 0.0)
         if state.state == "done":
             spent += state.facts.get("cpu_seconds", 0.0)
             done_predicted += row.cpu_seconds
@@ -64,7 +65,7 @@ def summary(config: Config, rows: list[Row], states: dict[str, State]) -> dict:
         "campaign": config.name,
         "counts": counts,
         "failures": failed,
-        "core_hours_spent": spent / 3600.0,
+        "core_hours_spent": (spent + lost) / 3600.0,
         "core_hours_predicted": sum(r.cpu_seconds for r in rows) / 3600.0,
         "core_hours_to_go": to_go * pace / 3600.0,
         "seconds_to_go": to_go * pace / places,

@@ -3,6 +3,7 @@ harmed.  The table of the last run of these tests is build/faults.csv (kept as d
 """
 
 import csv
+import json
 import os
 import shutil
 import subprocess
@@ -104,6 +105,8 @@ def test_rows_that_fail_do_not_harm_the_others(tmp_path, table):
     counts = small.status()["counts"]["total"]
     assert (counts["done"], counts["failed"], counts["total"]) == (22 - 8, 8, 22)
     assert not any((small.folder / "products").glob(".*.part"))
+    spun = json.loads((small.folder / "products" / f"{faulty['spin'].run_id}.failed.json").read_text())
+    assert spun["cpu_seconds"] > 2.0 and small.status()["core_hours_spent"] > (14 * 2.0 + 2.0) / 3600
     tries = len(small.started())
     assert small.command("run").returncode == 1 and len(small.started()) == tries  # not tried for ever
     small.fake["faults"] = {}
