@@ -99,7 +99,7 @@ def overhead(place: Path, asked) -> None:
     times = [tuple(map(float, line.split())) for line in (small.folder / "own_times.txt").read_text().splitlines()]
     own, wall = sum(b - a for a, b in times), ended - began
     before, after = min(a for a, _ in times) - began, ended - max(b for _, b in times)
-    inside = sum(_seconds(small.folder / row.product) for row in small.rows)
+    inside = sum(_seconds(small.folder / row.product, "wall_seconds") for row in small.rows)
     line = {"runs": len(times), "jobs": 2, "mean_own_s": own / len(times), "wall_s": wall, "ratio": wall / (own / 2),
             "ratio_without_yade_start": wall / (inside / 2), "before_first_s": before, "after_last_s": after,
             "places_empty_s": (wall - before - after) - own / 2}  # fmt: skip
@@ -111,7 +111,7 @@ def overhead(place: Path, asked) -> None:
 def kill(place: Path, asked) -> None:
     """A campaign in YADE twice, once killed at random moments; every number of every product compared."""
     whole = undisturbed(asked.config, asked.whole or place / "whole")
-    slowest = max(_seconds(whole.folder / row.product) for row in whole.rows)
+    slowest = max(_seconds(whole.folder / row.product, "cpu_seconds") for row in whole.rows)
     killed = plan_real(asked.config, place / "killed", like=whole.folder)
     if asked.checkpoint:
         killed.yade = str(Path(__file__).with_name("checkpoint_often.py"))
@@ -126,13 +126,14 @@ def kill(place: Path, asked) -> None:
     print(line)
     _replace("campaign_kill.csv", line, ("campaign", "checkpoint_s"))
     print(f"{survived.kills} kills survived")
+    assert survived.kills == asked.kills, f"the campaign ended after {survived.kills} of {asked.kills} kills"
     assert told["untouched_identical"] == told["untouched"] and told["begun_anew_identical"] == told["begun_anew"], line
     assert all(told[f"resumed_{name}_difference"] <= limit for name, limit in SCATTER.items()), line
 
 
-def _seconds(product: Path) -> float:
+def _seconds(product: Path, which: str) -> float:
     with h5py.File(product) as file:
-        return float(file["timing"].attrs["wall_seconds"])
+        return float(file["timing"].attrs[which])
 
 
 def faults(place: Path, asked) -> None:
