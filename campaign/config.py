@@ -84,10 +84,10 @@ class Probe:
 @dataclass(frozen=True)
 class Dem:
     accuracy: str = key("", str, choices=("", "10%", "5%", "2%", "1%"), doc="picks the keys listed in accuracy.toml")
-    timestep_factor: float = key(0.8, float, 0.01, 3.0, doc="share of the contact-stiffness time step")
+    timestep_factor: float = key(1.0, float, 0.01, 3.0, doc="share of the contact-stiffness time step")
     damping: float = key(0.0, float, 0.0, 0.9, doc="local damping during shear")
     stiffness_scale: float = key(1.0, float, 1e-4, 1.0)
-    density_scaling: bool = key(False, bool)
+    density_scaling: bool = key(True, bool, doc="balance the inertia of large and small grains; their sum stays")
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from minieigenHP import Matrix3, Vector3
 
 from analysis.assembly import read_assembly
 from yade_scripts import equilibrium, rve
+from yade_scripts.inertia import rayleigh_step
 from yade_scripts.material import grading_width, swap, target
 from yade_scripts.product import saved_scene
 from yade_scripts.record import History, snapshot
@@ -24,7 +25,7 @@ from yade_scripts.stage import main
 
 TOUCH = 0.1  # share of sigma_3 at which the rate-driven compression hands over to the servo
 COMPRESSION_I, RAMP_TIMES = 2e-3, 50.0  # inertial number of the compression; length of the ramp in inertial times
-DAMPING, MAX_STEPS = 0.1, 1_500_000  # local damping while consolidating: it only removes vibration
+DAMPING, MAX_WINDOWS = 0.1, 150  # local damping while consolidating: it only removes vibration
 
 
 def protocol(p, product) -> None:
@@ -36,7 +37,8 @@ def protocol(p, product) -> None:
     history = History(p)
     compress(p, history)
     ramp(p, history)
-    product.proofs = equilibrium.reach(p, equilibrium.window_steps(p), MAX_STEPS, 3 * DAMPING)
+    window = equilibrium.window_steps(p)
+    product.proofs = equilibrium.reach(p, window, MAX_WINDOWS * window, 3 * DAMPING)
     history()
     product.record = history.arrays()
     product.snapshots = [snapshot("end", 0.0)]
@@ -48,7 +50,7 @@ def compress(p, history) -> None:
     """Shrink the cell at a constant rate until the grains carry a tenth of sigma_3."""
     rate = COMPRESSION_I / equilibrium.inertial_time(p)
     O.cell.velGrad = Matrix3(-rate, 0, 0, 0, -rate, 0, 0, 0, -rate)
-    O.dt = 0.5 * rve.rayleigh_step(p)
+    O.dt = 0.5 * rayleigh_step(p)
 
     def touched():
         if rve.stress().trace() / 3.0 > TOUCH * p.sigma_3:

@@ -9,6 +9,7 @@ import numpy as np
 from yade import utils
 from yade.wrapper import FrictMat
 
+from yade_scripts.inertia import radii
 from yade_scripts.rve import O, ProofError, young
 
 
@@ -53,14 +54,24 @@ def swap(mu, G, nu: float, rho: float) -> float:
     return float(young(G.max(), nu) / before)
 
 
+def scale_modulus(factor: float) -> None:
+    """Multiply the shear modulus that all grains share, and so the constants of every contact, by a factor."""
+    for material in O.materials:
+        material.young *= factor
+    for contact in O.interactions:
+        phys = contact.phys
+        phys.kno *= factor
+        phys.kso *= factor
+
+
 def _set(material, mu: float, G: float, nu: float, rho: float) -> None:
     material.young, material.poisson, material.frictionAngle, material.density = young(G, nu), nu, math.atan(mu), rho
 
 
-def current() -> tuple[float, float]:
-    """Friction and shear modulus (Pa) of the first grain's material."""
+def current_modulus() -> float:
+    """Shear modulus (Pa) of the first grain."""
     material = O.bodies[0].material
-    return math.tan(material.frictionAngle), material.young / (2.0 * (1.0 + material.poisson))
+    return material.young / (2.0 * (1.0 + material.poisson))
 
 
 def solid_volume() -> float:
@@ -73,11 +84,6 @@ def grading_width() -> float:
     mass, x = radii() ** 3, np.log(radii())
     mean = np.average(x, weights=mass)
     return float(np.sqrt(np.average((x - mean) ** 2, weights=mass)))
-
-
-def radii() -> np.ndarray:
-    """Radii (N,) in m, in the order of the grains' numbers."""
-    return np.array([b.shape.radius for b in O.bodies])
 
 
 def contact_counts() -> np.ndarray:

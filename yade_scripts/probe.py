@@ -37,11 +37,13 @@ def protocol(p, product) -> None:
     scale, p.stiffness_scale = p.stiffness_scale, 1.0  # a probe is always at full stiffness
     product.proofs = begin(p, quiet=QUIET)
     rve.release_servo()
+    rve.engine("newton").damping = DAMPING
+    before = at_rest(REST_TIMES * inertial_time(p))
     scene = saved_scene()
     product.snapshots = [snapshot("start", 0.0)]
     product.state = scene
     directions = [SHEAR, -SHEAR, BULK]
-    responses = [increment(p, scene, p.probe_strain * d) for d in directions]
+    responses = [increment(p, scene, p.probe_strain * d) - before for d in directions]
     product.probe = results(p, [p.probe_strain * d for d in directions], responses)
     product.proofs["G_0_asymmetry"] = abs(product.probe["G_0_minus"] / product.probe["G_0"] - 1.0)
     product.exit_reason = "probed"
@@ -50,23 +52,20 @@ def protocol(p, product) -> None:
 
 
 def increment(p, scene: bytes, strain: np.ndarray) -> np.ndarray:
-    """Stress change (3, 3), Pa, left by a strain increment (3, 3, compression positive) when all is at rest again."""
+    """Stress (3, 3), Pa, when all is at rest again after a strain increment (3, 3, compression positive)."""
     load_scene(scene)
-    rve.release_servo()
-    rve.engine("newton").damping = DAMPING
     time = inertial_time(p)
-    before = at_rest(time)
     rate = -strain / (RAMP_TIMES * time)
     steps = math.ceil(RAMP_TIMES * time / O.dt)
     O.cell.velGrad = Matrix3(*(rate * (RAMP_TIMES * time / (steps * O.dt))).ravel())
     rve.engine("stepper").active = False
     O.run(steps, True)
     O.cell.velGrad = Matrix3.Zero
-    return at_rest(REST_TIMES * time) - before
+    return at_rest(REST_TIMES * time)
 
 
 def at_rest(duration: float) -> np.ndarray:
-    """Run for that time without deformation and return the stress."""
+    """Stress (3, 3), Pa, after that time without deformation."""
     O.run(math.ceil(duration / O.dt), True)
     return rve.stress()
 

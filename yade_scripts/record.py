@@ -8,7 +8,8 @@ import numpy as np
 from yade import utils
 
 from yade_scripts import rve
-from yade_scripts.material import contact_counts, radii, solid_volume
+from yade_scripts.inertia import radii
+from yade_scripts.material import contact_counts, solid_volume
 from yade_scripts.rve import O
 
 #: Sampled often; the window mean is recorded.  The other energies are taken at the window's end.

@@ -26,7 +26,10 @@ from yade.wrapper import (
     PyRunner,
 )
 
+from yade_scripts.inertia import rayleigh_step, set_inertia
+
 O = Omega()  # noqa: E741  YADE's own name for its scene
+SMALL_N = 200
 
 
 class ProofError(RuntimeError):
@@ -49,18 +52,13 @@ def build(assembly, p) -> None:
             for x, r in zip(assembly.position, assembly.radius, strict=True)
         ]
     )
+    set_inertia(p)
     set_engines(p)
 
 
 def young(G: float, nu: float) -> float:
     """Young's modulus (Pa) from shear modulus (Pa) and Poisson's ratio."""
     return 2.0 * G * (1.0 + nu)
-
-
-def rayleigh_step(p) -> float:
-    """Rayleigh time step (s) of the smallest grain (spec section 8)."""
-    radius = min(b.shape.radius for b in O.bodies)
-    return math.pi * radius * math.sqrt(p.rho / (p.G_p * p.stiffness_scale)) / (0.1631 * p.nu + 0.8766)
 
 
 def strain_rate(p) -> float:
@@ -87,7 +85,6 @@ def set_engines(p, calc_energy: bool = False) -> None:
             active=False,
             timestepSafetyCoefficient=p.timestep_factor,
             timeStepUpdateInterval=25,
-            densityScaling=bool(p.density_scaling),
             label="stepper",
         ),
         PeriTriaxController(
@@ -125,8 +122,13 @@ def use_contact_time_step(p) -> None:
 
 
 def servo_mass(p) -> float:
-    """Inertia of the servo's cell, kg/m: a share of the grains' mass over the edge, so that N needs no retuning."""
-    return p.servo_mass * p.rho * 0.62 * O.cell.volume ** (2.0 / 3.0)
+    """Inertia of the servo's cell, kg/m: a share of the grains' mass over the edge, so that N needs no retuning.
+
+    The cell's period grows with its edge, the grains' time step does not: below SMALL_N grains the cell must be heavier
+    to follow in the same step (64 grains at 1.0 of the contact time step never came to rest without).
+    """
+    share = p.servo_mass * max(1.0, (SMALL_N / len(O.bodies)) ** (2.0 / 3.0))
+    return share * p.rho * 0.62 * O.cell.volume ** (2.0 / 3.0)
 
 
 def servo_isotropic(p, pressure: float, max_rate: float) -> None:

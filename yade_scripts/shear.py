@@ -21,7 +21,7 @@ from yade_scripts.rve import O
 from yade_scripts.stage import main
 from yade_scripts.start import begin
 
-SAMPLES_PER_WINDOW = 40
+SAMPLES_PER_WINDOW = 20
 
 
 def protocol(p, product) -> None:
@@ -64,7 +64,7 @@ def strains(text) -> list[float]:
 
 
 def sampling_period(p, windows) -> int:
-    """Steps between two samples: forty in the typical (median) window, never more often than each tenth step."""
+    """Steps between two samples: twenty in the typical (median) window, never more often than each tenth step."""
     edges = windows.edges
     width = float(sorted(b - a for a, b in zip([0.0, *edges[:-1]], edges, strict=True))[len(edges) // 2])
     return max(10, round(width / rve.strain_rate(p) / O.dt / SAMPLES_PER_WINDOW))

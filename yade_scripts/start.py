@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from yade_scripts import equilibrium, rve
-from yade_scripts.material import current, swap, target
+from yade_scripts.inertia import set_inertia
+from yade_scripts.material import current_modulus, scale_modulus, swap, target
 from yade_scripts.product import load_start
 from yade_scripts.rve import O
 
@@ -28,13 +29,14 @@ def begin(p, quiet: float = equilibrium.FORCE_LIMIT, calc_energy: bool = False) 
             setattr(p, name, origin[name])
     p.N = len(O.bodies)
     O.resetTime()
+    set_inertia(p)
     rve.set_engines(p, calc_energy)
     rve.use_contact_time_step(p)
+    O.run(1, True)  # only after a step is the time step the contacts', and does the contact law know its scene
     same = origin["stage"] == "probe" and all(
         origin[name] == getattr(p, name) for name in ("mu_s", "G_p", "stiffness_scale", "sigma_3", "heterogeneity")
     )
     if same:
-        O.run(1, True)  # the contact law knows its scene only after a step
         return {}
     stiffen(p)
     swap(*target(p, p.mu_s), p.nu, p.rho)
@@ -47,18 +49,19 @@ def stiffen(p) -> None:
     A sudden change would multiply the stress; unloading from there opens contacts that do not close again (at twice the
     modulus a dense packing lost a tenth of them).  The last value, per grain where asked for, is set by `swap`.
     """
-    mu, before = current()
+    before = current_modulus()
     after = float(np.exp(np.mean(np.log(target(p, p.mu_s)[1]))))
     if abs(after / before - 1.0) < 1e-3:
         return
-    steps = math.ceil(STIFFENING_TIMES * equilibrium.inertial_time(p) / O.dt)
-    begin_at, period = O.iter, max(1, steps // STIFFENING_INCREMENTS)
+    length, begin_at = STIFFENING_TIMES * equilibrium.inertial_time(p), O.time
 
     def increment():
-        done = min(1.0, (O.iter - begin_at) / steps)
-        swap(mu, before * (after / before) ** done, p.nu, p.rho)
+        done = min(1.0, (O.time - begin_at) / length)
+        scale_modulus(before * (after / before) ** done / current_modulus())
+        if done == 1.0:
+            O.pause()
 
     rve.engine("newton").damping = DAMPING
     rve.servo_isotropic(p, p.sigma_3, equilibrium.MAX_RATE_I / equilibrium.inertial_time(p))
-    rve.every(period, increment)
-    rve.run(steps)
+    rve.every(length / O.dt / STIFFENING_INCREMENTS, increment)
+    rve.run(MAX_STEPS)

@@ -1,10 +1,12 @@
 """Run time against error of the DEM protocol: one setting at a time, over common packings, points and densities.
 
-    python3 tests/benchmarks/bench_dem.py            all runs that are missing, packing by packing (hours; resumable)
-    python3 tests/benchmarks/bench_dem.py --short    one packing, one point, one density (minutes)
+    python3 tests/benchmarks/bench_dem.py            all runs that are missing (hours; resumable)
+    python3 tests/benchmarks/bench_dem.py --short    one case, three settings (minutes)
+    python3 tests/benchmarks/bench_dem.py --full     every density with every point and packing (a day)
     python3 tests/benchmarks/bench_dem.py --table    only the tables and the figure from the rows there are
 
-Rows go to data/benchmarks/dem_runs.csv as they finish; data/benchmarks/dem_errors.csv holds bias and scatter of every
+Five packings, three points, three densities in fifteen cases: each point meets each density, each packing each point.
+All settings of a case start from the same packing at rest, those of another N from their own.  Rows go to data/benchmarks/dem_runs.csv as they finish; data/benchmarks/dem_errors.csv holds bias and scatter of every
 response of every setting against the reference, and data/benchmarks/dem_errors.png shows error against cost.
 """
 
@@ -12,6 +14,8 @@ from __future__ import annotations
 
 import argparse
 import itertools
+import os
+from concurrent.futures import ThreadPoolExecutor
 
 from bench_rows import append, finished
 from dem_runs import ROOT, RunFailed, chain, digest
@@ -24,22 +28,25 @@ MU_ISO = (0.001, 0.04, 0.1)
 PACKINGS = (1, 2, 3, 4, 5)
 BASE = {
     "N": 1000,
-    "inertial_number": 1e-3,
-    "timestep_factor": 0.8,
+    "inertial_number": 2.4e-3,
+    "timestep_factor": 1.0,
     "damping": 0.0,
     "stiffness_scale": 1.0,
-    "density_scaling": 0,
+    "density_scaling": 1,
 }
-#: One change at a time to the reference, then the settings that a campaign would use; the most wanted first.
+#: The reference (grains with their own inertia, a smaller step, a lower rate), what a campaign uses, and one change at a
+#: time to that; the most wanted first.
 SETTINGS = {
-    "reference": {},
-    "I = 2.4e-3": {"inertial_number": 2.4e-3},
-    "step 1.0": {"inertial_number": 2.4e-3, "timestep_factor": 1.0},
-    "N = 500": {"N": 500, "inertial_number": 2.4e-3, "timestep_factor": 1.0},
-    "stiffness 0.3": {"inertial_number": 2.4e-3, "timestep_factor": 1.0, "stiffness_scale": 0.3},
-    "stiffness 0.1": {"inertial_number": 2.4e-3, "timestep_factor": 1.0, "stiffness_scale": 0.1},
-    "damping 0.2": {"inertial_number": 2.4e-3, "timestep_factor": 1.0, "damping": 0.2},
-    "N = 2000": {"N": 2000, "inertial_number": 2.4e-3, "timestep_factor": 1.0},
+    "base": {},
+    "reference": {"density_scaling": 0, "timestep_factor": 0.8, "inertial_number": 1e-3},
+    "N = 500": {"N": 500},
+    "no density scaling": {"density_scaling": 0},
+    "half the step": {"timestep_factor": 0.5},
+    "I = 1.2e-3": {"inertial_number": 1.2e-3},
+    "stiffness 0.3": {"stiffness_scale": 0.3},
+    "damping 0.1": {"damping": 0.1},
+    "stiffness 0.1": {"stiffness_scale": 0.1},
+    "N = 2000": {"N": 2000},
     "I = 5e-4": {"inertial_number": 5e-4},
 }
 RESPONSES = {
@@ -57,6 +64,8 @@ COLUMNS = (
     "steps",
     "particle_steps",
     "cpu_seconds",
+    "probe_steps",
+    "probe_cpu_seconds",
     "failure",
     "energy_error",
     "servo_mean_error",
@@ -68,25 +77,38 @@ COLUMNS = (
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--short", action="store_true", help="one packing, one point, one density")
+    parser.add_argument("--short", action="store_true", help="one case, three settings")
+    parser.add_argument("--full", action="store_true", help="all 45 cases")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="runs at once")
     parser.add_argument("--table", action="store_true", help="only summarise the rows there are")
     parser.add_argument("--settings", nargs="*", default=list(SETTINGS), help="only these settings")
     args = parser.parse_args()
     if not args.table:
-        for setting, packing, mu_iso, point in wanted(args):
-            add_row(setting, packing, mu_iso, point)
+        settings = list(SETTINGS)[:3] if args.short else args.settings
+        for some in [settings[:2], *([s] for s in settings[2:])]:
+            with ThreadPoolExecutor(args.jobs) as pool:
+                list(pool.map(lambda case: fill(case, some), cases(args)))  # noqa: B023  the pool ends with its turn
     from dem_errors import summarise
 
     summarise(ROWS)
 
 
-def wanted(args):
-    """Runs without a row of today's scripts: packing by packing, so that every setting soon has some."""
+def cases(args) -> list[tuple]:
+    """(packing, mu_iso, point): fifteen in which points, densities and packings meet evenly, all 45, or one."""
+    if args.short:
+        return [(1, 0.04, "middle")]
+    if args.full:
+        return list(itertools.product(PACKINGS, MU_ISO, POINTS))
+    return [(q, MU_ISO[(q + k) % 3], point) for q in PACKINGS for k, point in enumerate(POINTS)]
+
+
+def fill(case: tuple, settings: list[str]) -> None:
+    """The rows of one case that today's scripts have not written yet, one setting after the other."""
+    packing, mu_iso, point = case
     done = finished(ROWS, ("scripts", "setting", "packing", "mu_iso", "point"))
-    packings, densities, points = (PACKINGS[:1], (0.04,), ("middle",)) if args.short else (PACKINGS, MU_ISO, POINTS)
-    for packing, setting, point, mu_iso in itertools.product(packings, args.settings, points, densities):
+    for setting in settings:
         if (digest(), setting, str(packing), f"{mu_iso:g}", point) not in done:
-            yield setting, packing, mu_iso, point
+            add_row(setting, packing, mu_iso, point)
 
 
 def add_row(setting: str, packing: int, mu_iso: float, point: str) -> None:
@@ -106,6 +128,7 @@ def add_row(setting: str, packing: int, mu_iso: float, point: str) -> None:
         probe, shear = chain(seed=packing, mu_iso=mu_iso, mu_s=mu_s, G_p=G_p, strain_end=0.40, snapshots="", **values)
         states = run_states(shear).states
         row |= {k: int(shear.timing[k]) for k in ("steps",)} | {"cpu_seconds": float(shear.timing["cpu_seconds"])}
+        row |= {"probe_steps": int(probe.timing["steps"]), "probe_cpu_seconds": float(probe.timing["cpu_seconds"])}
         row["particle_steps"] = row["steps"] * values["N"]
         row |= {k: float(shear.proofs[k]) for k in ("energy_error", "servo_mean_error", "servo_max_error")}
         row["G_0"] = float(probe.probe["G_0"])

@@ -12,6 +12,8 @@ import json
 import os
 import subprocess
 import sys
+import threading
+from collections import defaultdict
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -23,6 +25,7 @@ from campaign.row import closed_doors  # noqa: E402
 
 BUILD = Path(os.environ.get("BENCH_FOLDER", ROOT / "build" / "bench"))
 D50, SIGMA_LN = 0.248e-3, 0.174
+_busy: dict[str, threading.Lock] = defaultdict(threading.Lock)  # one a file, so that threads share runs, not repeat them
 
 
 class RunFailed(RuntimeError):
@@ -44,10 +47,11 @@ def digest() -> str:
 def assembly(N: int, seed: int, sigma_ln: float = SIGMA_LN, distribution: str = "lognormal") -> Path:
     """The assembly file of that size and seed, made when missing."""
     path = BUILD / f"assembly_{distribution}_{sigma_ln:g}_{N}_{seed}.h5"
-    if not path.exists():
-        write_assembly(
-            path, make_assembly(N, D50, sigma_ln, seed, distribution), {"N": N, "seed": seed, "sigma_ln": sigma_ln}
-        )
+    with _busy[path.name]:
+        if not path.exists():
+            write_assembly(
+                path, make_assembly(N, D50, sigma_ln, seed, distribution), {"N": N, "seed": seed, "sigma_ln": sigma_ln}
+            )
     return path
 
 
@@ -55,6 +59,16 @@ def run(stage: str, yade: str = "yade", **values) -> Path:
     """The product of a stage with these parameters (SI), run when missing.  Raises RunFailed with the stated reason."""
     identity = json.dumps([stage, digest(), {k: str(v) for k, v in values.items()}], sort_keys=True)
     name = f"{stage}_{hashlib.sha256(identity.encode()).hexdigest()[:12]}"
+    product, failure = BUILD / f"{name}.h5", BUILD / f"{name}.failed.json"
+    with _busy[name]:
+        _run_if_missing(stage, yade, name, values)
+    if not product.exists():
+        raise RunFailed(json.loads(failure.read_text())["reason"])
+    return product
+
+
+def _run_if_missing(stage: str, yade: str, name: str, values: dict) -> None:
+    """One YADE process for the row, unless its product or its stated failure is there."""
     product, failure = BUILD / f"{name}.h5", BUILD / f"{name}.failed.json"
     if not product.exists() and not failure.exists():
         BUILD.mkdir(parents=True, exist_ok=True)
@@ -71,9 +85,6 @@ def run(stage: str, yade: str = "yade", **values) -> Path:
             )  # fmt: skip
         if not product.exists() and not failure.exists():
             raise RunFailed(f"{name}: YADE ended without a word, see {log.name}")
-    if not product.exists():
-        raise RunFailed(json.loads(failure.read_text())["reason"])
-    return product
 
 
 def chain(
