@@ -110,8 +110,8 @@ class Joint:
         weights = np.prod(np.stack(np.meshgrid(*[weight] * self.dimension, indexing="ij"), axis=-1), axis=-1).ravel()
         return np.tensordot(weights / weights.sum(), function(self.from_normal(z)), axes=(0, 0))
 
-    def moments(self) -> tuple[np.ndarray, np.ndarray]:
-        """Exact means (d,) and covariance matrix (d, d); the off-diagonal terms by quadrature."""
+    def moments(self, nodes: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Exact means (d,) and covariance matrix (d, d); the off-diagonal terms by quadrature with so many nodes."""
         mean = np.array([m.mean for m in self.marginals])
         std = np.array([m.std for m in self.marginals])
         upper = [(i, j) for i in range(self.dimension) for j in range(i)]
@@ -122,7 +122,7 @@ class Joint:
                 y = (x - mean) / std
                 return np.stack([y[:, i] * y[:, j] for i, j in upper], axis=1)
 
-            for (i, j), value in zip(upper, self.expectation(products), strict=True):
+            for (i, j), value in zip(upper, self.expectation(products, nodes), strict=True):
                 covariance[i, j] = covariance[j, i] = value * std[i] * std[j]
         return mean, covariance
 

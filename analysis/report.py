@@ -46,6 +46,7 @@ def sections(results, figures, name) -> list[tuple[str, str]]:
         ("Stiffness and dilatancy", _pictures(figures, "fig13")),
         ("Joint densities", _pictures(figures, "fig14", "fig15")),
         ("Where the scatter comes from", _sources(results)),
+        ("What the measured pairs leave open", open_inputs(results)),
         ("The paper's claims, each with a number", _claims(claims)),
         ("Friction angles for design", _design(results)),
         ("How far every number can be trusted", _trust(results)),
@@ -177,6 +178,22 @@ def _sources(results):
             digits=2,
         )
         + webpage.table(shown, "Points against Monte Carlo through the response surface (in brackets)", stack=True)
+    )
+
+
+def open_inputs(results) -> str:
+    """HTML on what the measured pairs leave open: moments with bands, or a sentence that there are none."""
+    frame = tables.input_bands(results)
+    if not len(frame):
+        return webpage.paragraph("The inputs were not refitted to resampled pairs, so there are no bands from them.")
+    for name in ("mean", "sd"):
+        columns = (frame[name], frame[f"{name}, from"], frame[f"{name}, to"])
+        frame[f"{name} (95 %)"] = [
+            f"{webpage.number(v)} ({webpage.number(a)} … {webpage.number(b)})" for v, a, b in zip(*columns, strict=True)
+        ]
+    shown = frame[["quantity", "state", "mu_iso", "mean (95 %)", "sd (95 %)"]].sort_values(["quantity", "state"])
+    return webpage.paragraph(report_text.open_inputs(results)) + webpage.table(
+        shown, "Moments over the points with bands from resampling the pairs", stack=True
     )
 
 
