@@ -85,8 +85,9 @@ def _head(results, claims, name):
 def _inputs(results, figures):
     one = "Table 1. Marginal distributions, smallest AIC first"
     two = "Table 2. Copulas: pseudo-AIC on ranks, Cramér–von Mises distance S and its p-values"
-    of_marginals = ("property", "family", "parameters", "aic", "ks", "ks_critical", "ks_critical_fitted")
-    of_copulas = ("family", "parameters", "aic", "tau", "S", "p_paper", "p_bootstrap", "accepted")
+    of_marginals = ("property", "family", "parameters", "aic", "bic", "ks", "ks_critical", "ks_critical_fitted",
+                    "ad", "ad_critical_fitted")  # fmt: skip
+    of_copulas = ("family", "parameters", "aic", "bic", "tau", "S", "p_paper", "p_bootstrap", "accepted")
     parts = [webpage.paragraph(report_text.source(results)), _pictures(figures, "fig02")]
     parts += _fits(tables.marginals(results), of_marginals, one, report_text.marginals_against_paper, results)
     parts += _fits(tables.copulas(results), of_copulas, two, report_text.copulas_against_paper, results)
