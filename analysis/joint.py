@@ -9,7 +9,7 @@ from scipy import special
 
 from analysis import copulas, marginals
 from analysis.copulas.elliptical import normal_score
-from analysis.copulas.multivariate import GaussianCopula
+from analysis.copulas.multivariate import GaussianCopula, fit_gaussian
 from analysis.inputs import check_pairs
 
 _REACH = 7.5
@@ -110,8 +110,8 @@ class Joint:
         weights = np.prod(np.stack(np.meshgrid(*[weight] * self.dimension, indexing="ij"), axis=-1), axis=-1).ravel()
         return np.tensordot(weights / weights.sum(), function(self.from_normal(z)), axes=(0, 0))
 
-    def moments(self) -> tuple[np.ndarray, np.ndarray]:
-        """Exact means (d,) and covariance matrix (d, d); the off-diagonal terms by quadrature."""
+    def moments(self, nodes: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Exact means (d,) and covariance matrix (d, d); the off-diagonal terms by quadrature with so many nodes."""
         mean = np.array([m.mean for m in self.marginals])
         std = np.array([m.std for m in self.marginals])
         upper = [(i, j) for i in range(self.dimension) for j in range(i)]
@@ -122,7 +122,7 @@ class Joint:
                 y = (x - mean) / std
                 return np.stack([y[:, i] * y[:, j] for i, j in upper], axis=1)
 
-            for (i, j), value in zip(upper, self.expectation(products), strict=True):
+            for (i, j), value in zip(upper, self.expectation(products, nodes), strict=True):
                 covariance[i, j] = covariance[j, i] = value * std[i] * std[j]
         return mean, covariance
 
@@ -172,9 +172,15 @@ def fit_joint(
     n_boot: int = 1000,
     seed: int = 1,
 ) -> JointFit:
-    """Fit marginals (smallest AIC) and copula (smallest AIC among those the bootstrap accepts) to pairs (n, 2)."""
+    """Fit marginals (smallest AIC) and copula (smallest AIC among those the bootstrap accepts) to pairs (n, 2).
+
+    More than two columns, (n, d), are joined by a Gaussian copula; its table of copulas is empty.
+    """
     pairs = check_pairs(pairs)
     tables = tuple(tuple(marginals.fit_all(column, marginal_families, seed=seed)) for column in pairs.T)
+    if pairs.shape[1] > 2:
+        joint = Joint(tuple(table[0] for table in tables), fit_gaussian(pairs))
+        return JointFit(joint, tables, (), f"gaussian: the only copula here for {pairs.shape[1]} variables; no test")
     fits = copulas.select(pairs[:, 0], pairs[:, 1], copula_families, n_boot, np.random.default_rng(seed))
     best, note = copulas.choose(fits)
     return JointFit(Joint(tuple(table[0] for table in tables), best.copula), tables, tuple(fits), note)
@@ -183,7 +189,7 @@ def fit_joint(
 def bootstrap_joints(
     pairs: np.ndarray, n_boot: int, rng: np.random.Generator, joint: Joint | None = None
 ) -> list[Joint]:
-    """Joint distributions refitted to n_boot resamplings (with replacement) of the pairs (n, 2): the input's
+    """Joint distributions refitted to n_boot resamplings (with replacement) of the pairs (n, d): the input's
     uncertainty.
 
     Families are those of `joint`, or those that `fit_joint` picks for the pairs (by AIC alone) when it is None.
@@ -193,15 +199,19 @@ def bootstrap_joints(
     drawn = pairs[rng.integers(0, len(pairs), (n_boot, len(pairs)))]
     names = [list(m.params) for m in joint.marginals]
     columns = [marginals.fit_rows(drawn[..., i], m.family) for i, m in enumerate(joint.marginals)]
-    u, v = copulas.pseudo_observations(drawn[..., 0]), copulas.pseudo_observations(drawn[..., 1])
-    dependence = copulas.fit_rows(u, v, joint.copula.family)
+    if isinstance(joint.copula, GaussianCopula):
+        refitted = [fit_gaussian(rows) for rows in drawn]
+    else:
+        u, v = copulas.pseudo_observations(drawn[..., 0]), copulas.pseudo_observations(drawn[..., 1])
+        dependence = copulas.fit_rows(u, v, joint.copula.family)
+        refitted = [copulas.Copula(joint.copula.family, tuple(row.tolist())) for row in dependence]
     return [
         Joint(
             tuple(
                 marginals.Marginal(m.family, dict(zip(names[i], columns[i][k].tolist(), strict=True)))
                 for i, m in enumerate(joint.marginals)
             ),
-            copulas.Copula(joint.copula.family, tuple(dependence[k].tolist())),
+            refitted[k],
         )
         for k in range(n_boot)
     ]

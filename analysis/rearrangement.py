@@ -100,19 +100,19 @@ def sheared(joint, x: np.ndarray, probability: np.ndarray, widest: float = 0.15)
     return x
 
 
-def calibrated(joint, x: np.ndarray, probability: np.ndarray) -> np.ndarray:
+def calibrated(joint, x: np.ndarray, probability: np.ndarray, nodes: int | None = None) -> np.ndarray:
     """Positive weights near `probability` with exact means, variances and covariances, and marginals as right as can
     be.
 
     Minimises sum (P - P0)^2 / P0 / n + sum over points and marginals of (F_weighted - F)^2 subject to the moments
     (calibration, Deville and Sarndal 1992), by its linear equations; weights that would fall below a twentieth of
     their P0 stay there. Where few points, or points far from the distribution, leave no such weights, the moments
-    are matched softly.
+    are matched softly. `nodes` as in Joint.moments.
     """
     start = np.maximum(probability, 1e-3 * np.mean(probability))
     start = start / start.sum()
     n, d = x.shape
-    mean, covariance = joint.moments()
+    mean, covariance = joint.moments(nodes)
     sd = np.sqrt(np.diag(covariance))
     y = (x - mean) / sd
     i, j = np.triu_indices(d)

@@ -46,6 +46,7 @@ def sections(results, figures, name) -> list[tuple[str, str]]:
         ("Stiffness and dilatancy", _pictures(figures, "fig13")),
         ("Joint densities", _pictures(figures, "fig14", "fig15")),
         ("Where the scatter comes from", _sources(results)),
+        ("What the measured pairs leave open", open_inputs(results)),
         ("The paper's claims, each with a number", _claims(claims)),
         ("Friction angles for design", _design(results)),
         ("How far every number can be trusted", _trust(results)),
@@ -84,8 +85,9 @@ def _head(results, claims, name):
 def _inputs(results, figures):
     one = "Table 1. Marginal distributions, smallest AIC first"
     two = "Table 2. Copulas: pseudo-AIC on ranks, Cramér–von Mises distance S and its p-values"
-    of_marginals = ("property", "family", "parameters", "aic", "ks", "ks_critical", "ks_critical_fitted")
-    of_copulas = ("family", "parameters", "aic", "tau", "S", "p_paper", "p_bootstrap", "accepted")
+    of_marginals = ("property", "family", "parameters", "aic", "bic", "ks", "ks_critical", "ks_critical_fitted",
+                    "ad", "ad_critical_fitted")  # fmt: skip
+    of_copulas = ("family", "parameters", "aic", "bic", "tau", "S", "p_paper", "p_bootstrap", "accepted")
     parts = [webpage.paragraph(report_text.source(results)), _pictures(figures, "fig02")]
     parts += _fits(tables.marginals(results), of_marginals, one, report_text.marginals_against_paper, results)
     parts += _fits(tables.copulas(results), of_copulas, two, report_text.copulas_against_paper, results)
@@ -177,6 +179,22 @@ def _sources(results):
             digits=2,
         )
         + webpage.table(shown, "Points against Monte Carlo through the response surface (in brackets)", stack=True)
+    )
+
+
+def open_inputs(results) -> str:
+    """HTML on what the measured pairs leave open: moments with bands, or a sentence that there are none."""
+    frame = tables.input_bands(results)
+    if not len(frame):
+        return webpage.paragraph("The inputs were not refitted to resampled pairs, so there are no bands from them.")
+    for name in ("mean", "sd"):
+        columns = (frame[name], frame[f"{name}, from"], frame[f"{name}, to"])
+        frame[f"{name} (95 %)"] = [
+            f"{webpage.number(v)} ({webpage.number(a)} … {webpage.number(b)})" for v, a, b in zip(*columns, strict=True)
+        ]
+    shown = frame[["quantity", "state", "mu_iso", "mean (95 %)", "sd (95 %)"]].sort_values(["quantity", "state"])
+    return webpage.paragraph(report_text.open_inputs(results)) + webpage.table(
+        shown, "Moments over the points with bands from resampling the pairs", stack=True
     )
 
 

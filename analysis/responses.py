@@ -17,10 +17,13 @@ import scipy
 
 from analysis import pdem
 from analysis.collect import FamilyDensity, ResponsesError, collect
+from analysis.input_bands import bootstrap_probabilities
+from analysis.joint import Joint
 from analysis.quantities import QUANTITIES
 from analysis.results import FORMAT, FORMAT_VERSION
 
-DEFAULTS = {"max_lost_probability": 0.05, "density_method": "exact", "bandwidth": None, "cells": 400}
+DEFAULTS = {"max_lost_probability": 0.05, "density_method": "exact", "bandwidth": None, "cells": 400,
+            "input_bootstrap": 0}  # fmt: skip
 SQUEEZE = {"compression": "gzip", "shuffle": True, "fletcher32": True}
 
 
@@ -34,7 +37,9 @@ def build_results(folder, plan, points, settings=None) -> Path:
     pairs (n, 2), source (where the pairs come from), marginals (dicts with a "variable", best first, or two lists in
     the order mu_s, G_p), copulas (best first), joint, all as objects or as their dicts, point_attrs (dict of method,
     seed, discrepancy ...), versions (dict),
-    max_lost_probability (0.05), density_method ("exact" or "tvd"), bandwidth (None: chosen from the data), cells (400).
+    max_lost_probability (0.05), density_method ("exact" or "tvd"), bandwidth (None: chosen from the data), cells (400),
+    input_bootstrap (0): resamplings of the pairs under which the points get other probabilities, for bands
+    (points without a family column only).
 
     Raises ResponsesError or runfile.RunFileError, and writes nothing, if a product is missing, truncated or was run
     with other parameters than the plan's, or if failed runs take more than max_lost_probability from a density.
@@ -79,6 +84,13 @@ def _write_head(file, points, settings, strain, groups, grains):
                "joint": settings.get("joint", {})}  # fmt: skip
     for name, value in content.items():
         inputs.attrs[name] = json.dumps(value, default=_jsonable)
+    if settings["input_bootstrap"] and "family" not in points:
+        joint = settings["joint"]
+        joint = joint if isinstance(joint, Joint) else Joint.from_dict(joint)
+        x = points[["mu_s", "G_p"]].to_numpy()
+        inputs["bootstrap_probability"] = bootstrap_probabilities(
+            settings["pairs"], joint, x, settings["input_bootstrap"]
+        )
     _write_frame(file.create_group("points"), points)
     file["points"].attrs.update(settings.get("point_attrs", {}))
     file["strain"] = strain

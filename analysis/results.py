@@ -94,6 +94,20 @@ class Results:
         with h5py.File(self.path) as file:
             return _group(file, f"families/{family}/{mu_iso:g}")["weight"][()]
 
+    def bootstrap_weights(self, mu_iso, family="coupled"):
+        """Probabilities (B, Q) of a density's points under inputs refitted to resampled pairs, or None if not made.
+
+        Like `weights`, zero where no run is left, every row summing to 1.
+        """
+        with h5py.File(self.path) as file:
+            if "inputs/bootstrap_probability" not in file:
+                return None
+            drawn = file["inputs/bootstrap_probability"][()]
+        column = {name: k for k, name in enumerate(self.points["id"])}
+        drawn = drawn[:, [column[name] for name in self.family_points(family)["id"]]]
+        drawn = drawn * (self.weights(mu_iso, family) > 0)
+        return drawn / drawn.sum(axis=1, keepdims=True)
+
     def filled(self, mu_iso, family="coupled"):
         """Points (Q,) of a density that were not run, but filled by regression over the inputs."""
         with h5py.File(self.path) as file:

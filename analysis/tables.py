@@ -11,6 +11,7 @@ import pandas as pd
 from analysis import paper, weighted
 from analysis.claims import claims_table
 from analysis.design import design_table
+from analysis.input_bands import input_bands
 from analysis.pooling import monte_carlo_check, variance_sources
 from analysis.quantities import QUANTITIES
 from analysis.results import STATES, read_results
@@ -154,5 +155,6 @@ TABLES = {
     "design": design_table,
     "variance_sources": variance_sources,
     "monte_carlo": monte_carlo_check,
+    "input_bands": input_bands,
     "runs": runs,
 }

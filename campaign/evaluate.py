@@ -16,6 +16,8 @@ from campaign.products import look, write_blocked
 
 NOTE = "tables/analysed.json"
 ANALYSIS = ROOT / "analysis"
+#: Resamplings of the pairs behind the bands: the 2.5 % quantile of a moment is then known to a twentieth of the band.
+INPUT_BOOTSTRAP = 200
 
 
 def analyse(config: Config, folder: Path, rows: list[Row]) -> str:
@@ -91,6 +93,7 @@ def _settings(config: Config, folder: Path) -> dict:
         "density_method": config.pdem.method,
         "bandwidth": config.pdem.bandwidth or None,
         "cells": config.pdem.cells,
+        "input_bootstrap": INPUT_BOOTSTRAP,
     }
 
 

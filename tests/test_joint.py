@@ -84,6 +84,20 @@ def test_a_third_variable_joins_by_a_gaussian_copula():
         Joint((FRICTION, MODULUS, RATIO), Copula("gaussian", (0.1,)))
 
 
+def test_three_measured_columns_are_fitted_and_bootstrapped():
+    matrix = ((1.0, -0.738, 0.3), (-0.738, 1.0, -0.1), (0.3, -0.1, 1.0))
+    x = Joint((FRICTION, MODULUS, RATIO), GaussianCopula(matrix)).sample(400, np.random.default_rng(5))
+    result = fit_joint(x, marginal_families=("lognormal", "normal"))
+    assert [m.family for m in result.joint.marginals[:2]] == ["lognormal", "lognormal"]
+    assert result.joint.marginals[2].mean == pytest.approx(0.2, abs=0.004)
+    assert np.array(result.joint.copula.correlation) == pytest.approx(np.array(matrix), abs=0.1)
+    assert result.copulas == () and "3 variables" in result.note
+    many = bootstrap_joints(x, 40, np.random.default_rng(6), result.joint)
+    rho = np.array([joint.copula.correlation for joint in many])[:, 1, 0]
+    assert rho.mean() == pytest.approx(result.joint.copula.correlation[1][0], abs=0.02)
+    assert rho.std() == pytest.approx((1 - 0.738**2) / 20, rel=0.4)
+
+
 def test_fitting_the_reconstructed_pairs_gives_the_papers_input():
     result = fit_joint(PAIRS, n_boot=100)
     assert [m.family for m in result.joint.marginals] == ["lognormal", "lognormal"]

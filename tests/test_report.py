@@ -76,6 +76,9 @@ def test_the_numbers_are_those_of_the_results(page, results):
         values, weight = results.state(state, "eta", 0.001), results.weights(0.001)
         assert f"{weighted.mean(values, weight):.2f} ± {weighted.std(values, weight):.2f}" in text
     assert "0.538" in text and "(0.001" in text
+    for symbol, fits in results.inputs["marginals"].items():
+        for name in ("aic", "bic", "ks", "ad"):
+            assert webpage.number(fits[0][name]) in text, (symbol, name)
     assert "These numbers are rough" in text and "27 spheres and 5 points" in text
     for word in ("held", "Wasserstein", "inertial number", "bandwidth", "synthetic pairs"):
         assert word in text or word == "bandwidth"

@@ -10,6 +10,7 @@ from matplotlib.transforms import ScaledTranslation
 
 from analysis import pdem
 from analysis.figures import style
+from analysis.input_bands import with_input_band
 
 
 def _from_white(name, share=0.3):
@@ -91,11 +92,13 @@ def state_density(results, state, symbol, mu_iso, family="coupled"):
     weight = np.where(np.isfinite(values), results.weights(mu_iso, family), 0.0)
     if np.count_nonzero(weight) < 2:
         return None
-    return pdem.state_density(values, weight / weight.sum())
+    density = pdem.state_density(values, weight / weight.sum())
+    drawn = results.bootstrap_weights(mu_iso, family)
+    return density if drawn is None else with_input_band(density, values[None], drawn)
 
 
 def state_pdfs(axis, results, state, symbol, family="coupled", legend=False):
-    """PDFs of a quantity at a state, one line a density, the points themselves as ticks below."""
+    """PDFs of a quantity at a state, one line a density, with the band from the pairs; the points as ticks below."""
     densities = results.family_densities(family)
     for row, (mu_iso, look) in enumerate(style.density_style(densities).items()):
         density = state_density(results, state, symbol, mu_iso, family)
@@ -103,6 +106,9 @@ def state_pdfs(axis, results, state, symbol, family="coupled", legend=False):
             continue
         factor = density_factor(symbol)
         axis.plot(density.x * factor, density.p[0] / factor, **look)
+        if density.low is not None:
+            axis.fill_between(density.x * factor, density.low[0] / factor, density.high[0] / factor,
+                              color=look["color"], alpha=0.2, lw=0)  # fmt: skip
         values = style.shown(symbol, results.state(state, symbol, mu_iso, family))
         below = ScaledTranslation(0, -(3.5 + 4 * row) / 72, axis.figure.dpi_scale_trans)
         axis.plot(values, np.zeros(len(values)), "|", transform=axis.get_xaxis_transform() + below,
