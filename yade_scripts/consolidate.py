@@ -16,13 +16,14 @@ from minieigenHP import Matrix3, Vector3
 
 from analysis.assembly import read_assembly
 from yade_scripts import equilibrium, rve
-from yade_scripts.inertia import rayleigh_step
-from yade_scripts.material import grading_width, swap, target
+from yade_scripts.inertia import radii, rayleigh_step
+from yade_scripts.material import grading_width, solid_volume, swap, target
 from yade_scripts.product import saved_scene
 from yade_scripts.record import History, snapshot
-from yade_scripts.rve import O
+from yade_scripts.rve import O, ProofError
 from yade_scripts.stage import main
 
+DENSEST, EDGE_LIMIT = 0.68, 2.1  # solid fraction hardly ever passed; YADE's collider needs edges above two diameters
 TOUCH = 0.1  # share of sigma_3 at which the rate-driven compression hands over to the servo
 COMPRESSION_I, RAMP_TIMES = 2e-3, 50.0  # inertial number of the compression; length of the ramp in inertial times
 DAMPING, MAX_WINDOWS = 0.1, 150  # local damping while consolidating: it only removes vibration
@@ -33,6 +34,7 @@ def protocol(p, product) -> None:
     rve.build(read_assembly(p.assembly), p)
     swap(*target(p, p.mu_iso), p.nu, p.rho)
     p.N, p.sigma_ln = len(O.bodies), grading_width()
+    check_cell()
     rve.engine("newton").damping = DAMPING
     history = History(p)
     compress(p, history)
@@ -44,6 +46,13 @@ def protocol(p, product) -> None:
     product.snapshots = [snapshot("end", 0.0)]
     product.state, product.exit_reason = saved_scene(), "equilibrium"
     product.write()
+
+
+def check_cell() -> None:
+    """Refuse a cell that will end up too small for its largest grain, which must not touch its own image."""
+    ratio = (solid_volume() / DENSEST) ** (1.0 / 3.0) / (2.0 * radii().max())
+    if ratio < EDGE_LIMIT:
+        raise ProofError(f"cell too small: its edge will be {ratio:.3g} < {EDGE_LIMIT:g} diameters of the largest grain")
 
 
 def compress(p, history) -> None:

@@ -6,7 +6,8 @@
     python3 tests/benchmarks/bench_dem.py --table    only the tables and the figure from the rows there are
 
 Five packings, three points, three densities in fifteen cases: each point meets each density, each packing each point.
-All settings of a case start from the same packing at rest, those of another N from their own.  Rows go to data/benchmarks/dem_runs.csv as they finish; data/benchmarks/dem_errors.csv holds bias and scatter of every
+All settings of a case start from the same packing at rest, those of another N from their own.
+Rows go to data/benchmarks/dem_runs.csv as they finish; data/benchmarks/dem_errors.csv holds bias and scatter of every
 response of every setting against the reference, and data/benchmarks/dem_errors.png shows error against cost.
 """
 
@@ -34,8 +35,8 @@ BASE = {
     "stiffness_scale": 1.0,
     "density_scaling": 1,
 }
-#: The reference (grains with their own inertia, a smaller step, a lower rate), what a campaign uses, and one change at a
-#: time to that; the most wanted first.
+#: What a campaign uses, the reference (grains with their own inertia, a smaller step, a lower rate), and one change at
+#: a time to the first; the most wanted first.
 SETTINGS = {
     "base": {},
     "reference": {"density_scaling": 0, "timestep_factor": 0.8, "inertial_number": 1e-3},

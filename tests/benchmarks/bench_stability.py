@@ -4,8 +4,8 @@
     python3 tests/benchmarks/bench_stability.py --table    only the counts
 
 A cell is one chain consolidate -> shear to 4 % strain with one or two parameters changed.  It is *right* when eta over
-2-4 % strain, e and Z lie within TOLERANCE of its reference: the same physical case at half the step, a third of the
-rate, with the grains' own inertia and the standard servo.  It is *refused* when a stage ended with a stated reason.  Everything else is *wrong*, and
+2-4 % strain, e and Z lie within TOLERANCE of its reference: the same physical case at half the step, a third of
+the rate, with the grains' own inertia and the standard servo.  It is *refused* when a stage ended with a stated reason.  Everything else is *wrong*, and
 the script exits with 1.
 """
 

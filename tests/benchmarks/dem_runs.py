@@ -25,7 +25,7 @@ from campaign.row import closed_doors  # noqa: E402
 
 BUILD = Path(os.environ.get("BENCH_FOLDER", ROOT / "build" / "bench"))
 D50, SIGMA_LN = 0.248e-3, 0.174
-_busy: dict[str, threading.Lock] = defaultdict(threading.Lock)  # one a file, so that threads share runs, not repeat them
+_busy: dict[str, threading.Lock] = defaultdict(threading.Lock)  # one a file, so that threads share its run
 
 
 class RunFailed(RuntimeError):
