@@ -52,7 +52,9 @@ def check_cell() -> None:
     """Refuse a cell that will end up too small for its largest grain, which must not touch its own image."""
     ratio = (solid_volume() / DENSEST) ** (1.0 / 3.0) / (2.0 * radii().max())
     if ratio < EDGE_LIMIT:
-        raise ProofError(f"cell too small: its edge will be {ratio:.3g} < {EDGE_LIMIT:g} diameters of the largest grain")
+        raise ProofError(
+            f"cell too small: its edge will be {ratio:.3g} < {EDGE_LIMIT:g} diameters of the largest grain"
+        )
 
 
 def compress(p, history) -> None:

@@ -33,7 +33,7 @@ def set_inertia(p) -> None:
     if p.density_scaling:
         mass, spin = mass.sum() * r**EXPONENT / np.sum(r**EXPONENT), SPIN
     for body, m in zip(O.bodies, map(float, mass), strict=True):
-        moment = 0.4 * spin * m * body.shape.radius ** 2
+        moment = 0.4 * spin * m * body.shape.radius**2
         body.state.mass, body.state.inertia = m, Vector3(moment, moment, moment)
 
 

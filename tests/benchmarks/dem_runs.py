@@ -57,7 +57,7 @@ def assembly(N: int, seed: int, sigma_ln: float = SIGMA_LN, distribution: str = 
 
 def run(stage: str, yade: str = "yade", **values) -> Path:
     """The product of a stage with these parameters (SI), run when missing.  Raises RunFailed with the stated reason."""
-    identity = json.dumps([stage, digest(), {k: str(v) for k, v in values.items()}], sort_keys=True)
+    identity = json.dumps([stage, digest(), {k: str(v) for k, v in values.items()}, yade], sort_keys=True)
     name = f"{stage}_{hashlib.sha256(identity.encode()).hexdigest()[:12]}"
     product, failure = BUILD / f"{name}.h5", BUILD / f"{name}.failed.json"
     with _busy[name]:

@@ -53,8 +53,6 @@ class Shear:
         return self.inertial_number / self.inertial_time
 
 
-
-
 def data_file(s: Snapshot, rho: float) -> str:
     """The grains (centres wrapped into the cell, diameters, density) for LAMMPS; ValueError for a skew cell."""
     edge = np.diag(s.cell)

@@ -1,0 +1,126 @@
+"""What the DEM protocol claims of its runs, measured: cost over a bare loop, the servo, friction, round-off.
+
+    python3 tests/benchmarks/bench_protocol.py overhead     CPU time of a shear run over a bare loop's (2 minutes)
+    python3 tests/benchmarks/bench_protocol.py servo        sigma_3 held, for N from 500 to 8,000 (15 minutes)
+    python3 tests/benchmarks/bench_protocol.py friction     critical state, seven mu_s and three densities (half an hour)
+    python3 tests/benchmarks/bench_protocol.py roundoff     the same runs in double and in long double (5 minutes)
+
+Times are CPU times of one core; runs that are there are not repeated.  Each writes data/benchmarks/protocol_<word>.csv.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pandas as pd
+from bench_stability import BASE, consolidated, initial, sheared
+from dem_runs import ROOT, RunFailed, assembly, chain, run
+
+from analysis.run_states import run_states
+from analysis.runfile import read_run
+from campaign.row import closed_doors
+
+G_P = 25.7e9
+CAMPAIGN = {"inertial_number": 2.4e-3, "timestep_factor": 1.0, "density_scaling": 1, "snapshots": ""}
+FRICTION = (0.065, 0.10, 0.15, 0.25, 0.40, 0.50, 0.65)
+MU_ISO = (0.001, 0.04, 0.1)
+
+
+def overhead(jobs: int) -> pd.DataFrame:
+    """A whole shear run to 4 % strain and a bare loop of as many steps over the same packing, five times in turns."""
+    probe, _ = chain(N=1000, seed=1, mu_iso=0.04, mu_s=0.25, G_p=G_P, strain_end=0.01, **CAMPAIGN)
+    rows = []
+    for turn in range(5):
+        # The rate differs in the ninth digit, so that each turn is a run of its own.
+        rate = {"inertial_number": CAMPAIGN["inertial_number"] * (1.0 - 1e-9 * turn)}
+        shear = read_run(run("shear", start=probe.path, mu_s=0.25, G_p=G_P, strain_end=0.04, **(CAMPAIGN | rate)))
+        steps, dt = int(shear.timing["steps"]), float(shear.timing["dt_mean"])
+        command = ["yade", "-n", "-x", "-j1", str(ROOT / "tests" / "yade_scenes" / "bare_loop.py"), str(probe.path)]
+        out = subprocess.run([*command, str(steps), repr(dt), repr(0.04 / steps / dt)], env=closed_doors(), text=True,
+                             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, check=True).stdout  # fmt: skip
+        bare = float(out.split("cpu_seconds")[1].split()[0])
+        whole = float(shear.timing["cpu_seconds"])
+        rows.append({"turn": turn, "steps": steps, "shear_cpu_seconds": whole, "bare_cpu_seconds": bare,
+                     "ratio": whole / bare})  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def servo(jobs: int) -> pd.DataFrame:
+    """Errors of sigma_3 in shear to 5 % strain and the overshoot of consolidation, low and high friction, five N."""
+    cases = [(N, mu_s) for N in (8000, 4000, 2000, 1000, 500) for mu_s in (0.10, 0.25, 0.50)]
+
+    def one(case):
+        N, mu_s = case
+        first = run("consolidate", assembly=assembly(N, 1), mu_iso=0.04, G_p=G_P, seed=1)
+        shear = read_run(run("shear", start=first, mu_s=mu_s, G_p=G_P, strain_end=0.05, **CAMPAIGN))
+        late = shear.record["eps_a"] > 0.01
+        return {"N": N, "mu_s": mu_s, "overshoot": float(read_run(first).proofs["overshoot"]),
+                "window_mean_worst": float(np.abs(shear.record["servo_mean"][late]).max()),
+                "window_mean_rms": float(np.sqrt(np.mean(shear.record["servo_mean"][late] ** 2))),
+                "sample_worst": float(shear.record["servo_max"][late].max()),
+                "energy_error": float(shear.proofs["energy_error"])}  # fmt: skip
+
+    return _all(one, cases, jobs)
+
+
+def friction(jobs: int) -> pd.DataFrame:
+    """Critical state (25-40 % strain) and peak at each friction and initial density, with standard errors."""
+    cases = [(mu_s, mu_iso) for mu_s in FRICTION for mu_iso in MU_ISO]
+
+    def one(case):
+        mu_s, mu_iso = case
+        _, shear = chain(N=1000, seed=1, mu_iso=mu_iso, mu_s=mu_s, G_p=G_P, strain_end=0.40, **CAMPAIGN)
+        found = run_states(shear)
+        critical, error = found.states["critical"], found.errors["critical"]
+        row = {"mu_s": mu_s, "mu_iso": mu_iso, "eta_peak": float(found.states["peak"]["eta"])}
+        row |= {f"{s}_critical": float(critical[s]) for s in ("eta", "e", "Z", "Z_m", "Phi_dev")}
+        return row | {"eta_critical_error": float(error["eta"]), "e_critical_error": float(error["e"]),
+                      "unsteady": found.unsteady}  # fmt: skip
+
+    return _all(one, cases, jobs)
+
+
+def roundoff(jobs: int) -> pd.DataFrame:
+    """Consolidation and 4 % of shear of the stability map's middle, in double and in long double, three packings."""
+    cases = [(seed, yade) for seed in (1, 2, 3) for yade in ("yade", "yade-longdouble")]
+
+    def one(case):
+        seed, yade = case
+        start = consolidated(BASE | {"seed": seed}, yade)
+        mine, told = sheared(start, BASE | {"seed": seed}, yade)
+        return {"seed": seed, "digits": yade} | initial(start) | mine | {k: float(v) for k, v in told.items()}
+
+    return _all(one, cases, jobs)
+
+
+def _all(one, cases: list, jobs: int) -> pd.DataFrame:
+    """The rows of all cases, several at once; a failed run keeps its row, with the reason."""
+
+    def row(case):
+        try:
+            return one(case) | {"failure": ""}
+        except RunFailed as error:
+            return {"case": " ".join(map(str, case)), "failure": str(error)}
+
+    with ThreadPoolExecutor(jobs) as pool:
+        return pd.DataFrame(list(pool.map(row, cases)))
+
+
+def main() -> None:
+    words = {f.__name__: f for f in (overhead, servo, friction, roundoff)}
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("what", nargs="+", choices=words)
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="runs at once")
+    args = parser.parse_args()
+    for word in args.what:
+        table = words[word](args.jobs)
+        table.to_csv(ROOT / "data" / "benchmarks" / f"protocol_{word}.csv", index=False, float_format="%.6g")
+        print(table.to_string(index=False, float_format="%.4g"))
+
+
+if __name__ == "__main__":
+    main()
