@@ -2,11 +2,13 @@
 PYTHON ?= /usr/bin/python3
 CAMPAIGN ?= campaign/demo.toml
 VENVS = .venvs
-DEBIAN = yade python3-h5py python3-pandas python3-scipy python3-matplotlib python3-pytest
+ANALYSIS = python3-h5py python3-pandas python3-scipy python3-matplotlib
+DEBIAN = yade $(ANALYSIS) python3-pytest
 #: Paths that the Debian packages above put in place: all there, nothing to install.
-INSTALLED = /usr/bin/yade $(addprefix /usr/lib/python3/dist-packages/,h5py pandas scipy matplotlib pytest)
+MODULES = $(addprefix /usr/lib/python3/dist-packages/,h5py pandas scipy matplotlib)
+INSTALLED = /usr/bin/yade $(MODULES) /usr/lib/python3/dist-packages/pytest
 
-.PHONY: help setup campaign laptop test test-long test-newest style bench-dem stress slurm-test clean
+.PHONY: help setup campaign laptop laptop-data report test test-long test-newest style bench-dem stress slurm-test clean
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -20,6 +22,13 @@ campaign: setup ## run the default campaign, from the measured pairs to the repo
 
 laptop: setup ## the paper's campaign at reduced size; hours, can be stopped and taken up again
 	@$(PYTHON) -m campaign all campaign/laptop.toml
+
+laptop-data: laptop ## the laptop campaign's results, tables, figures and example runs into data/laptop
+	@$(PYTHON) data/make_laptop.py
+
+report: ## every table and figure and the report from data/laptop/results.h5; a minute, no YADE
+	@ls -d $(MODULES) >/dev/null 2>&1 || $(call apt_install,$(ANALYSIS))
+	@$(PYTHON) -m campaign report
 
 test: setup ## the tests, YADE included
 	@$(PYTHON) -m pytest -q
@@ -44,7 +53,14 @@ bench-dem: setup ## the DEM protocol's run time against error; resumable, writes
 stress: setup ## the stability map of the DEM protocol; writes data/benchmarks
 	@$(PYTHON) tests/benchmarks/bench_stability.py
 
-slurm-test: setup ## a real one-node SLURM from Debian's packages (root), and a campaign through it
+slurm-laptop-data: laptop ## the laptop campaign's results, tables, figures and example runs into data/laptop
+	@$(PYTHON) data/make_laptop.py
+
+report: ## every table and figure and the report from data/laptop/results.h5; a minute, no YADE
+	@ls -d $(MODULES) >/dev/null 2>&1 || $(call apt_install,$(ANALYSIS))
+	@$(PYTHON) -m campaign report
+
+test: setup ## a real one-node SLURM from Debian's packages (root), and a campaign through it
 	@sh tests/slurm_node.sh $(PYTHON) -m pytest -q -m long tests/test_slurm.py
 
 clean: ## remove caches and virtual environments (never runs/)

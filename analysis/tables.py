@@ -11,8 +11,9 @@ import pandas as pd
 from analysis import paper, weighted
 from analysis.claims import claims_table
 from analysis.design import design_table
-from analysis.pooling import monte_carlo_check, variance_sources
+from analysis.pooling import moment_bands, monte_carlo_along, monte_carlo_check, variance_sources
 from analysis.quantities import QUANTITIES
+from analysis.replay import stopping_replay
 from analysis.results import STATES, read_results
 
 LEVELS = (0.05, 0.5, 0.95)
@@ -154,5 +155,8 @@ TABLES = {
     "design": design_table,
     "variance_sources": variance_sources,
     "monte_carlo": monte_carlo_check,
+    "monte_carlo_along_strain": monte_carlo_along,
+    "moment_bands": moment_bands,
+    "stopping_replay": stopping_replay,
     "runs": runs,
 }

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import pandas as pd
 import pytest
 import synthetic_results as synthetic
 
-from analysis import report, report_text, trust, webpage, weighted
+from analysis import report, report_text, report_trust, trust, webpage, weighted
 from analysis.figures import FIGURES
 from analysis.responses import build_results
 from analysis.results import read_results
@@ -91,8 +92,9 @@ def test_failures_and_early_stops_are_said_with_their_numbers(tmp_path):
     lost = float(points["probability"][points["id"] == 3].iloc[0])
     assert losses["lost probability"].to_numpy() == pytest.approx(lost)
     counts = trust.run_counts(results).set_index("stage")
-    assert list(counts.loc["shear", ["planned", "done", "failed", "steady early"]]) == [18, 15, 3, 3]
-    assert counts.loc["shear", "hours"] == pytest.approx(15 * 2.0 / 3600)
+    names = ["planned", "done", "failed", "spared", "steady early"]
+    assert list(counts.loc["shear", names]) == [18, 15, 3, 0, 3] and list(counts.loc["all", names]) == [39, 36, 3, 0, 3]
+    assert counts.loc["shear", "core-hours"] == pytest.approx(15 * 2.0 / 3600)
 
 
 def test_noise_and_widths_are_told(results):
@@ -104,12 +106,19 @@ def test_noise_and_widths_are_told(results):
     assert 0 < widths.loc[(0.04, "eta"), "width shown"] < widths.loc[(0.04, "eta"), "spread of points"]
 
 
-def test_packing_scatter_is_the_spread_between_packings(tmp_path):
-    plan, points, settings = synthetic.make_campaign(tmp_path, n=2, noise=0.02, packings=(1, 2, 3))
-    results = read_results(build_results(tmp_path, plan, points, settings))
-    sets = results.state_replicates("critical", "eta", 0.1)
-    exact = (sets.var(axis=0, ddof=1).mean()) ** 0.5
-    assert trust.packing_scatter(results, "critical", "eta", 0.1) == pytest.approx(exact)
+def test_the_report_says_what_the_runs_used_and_which_setting_was_asked_for(results):
+    text = report_text.accuracy(results)
+    assert "none by name" in text and "27 spheres" in text and "inertial number 0.001" in text and "0.8" in text
+    named = replace(results, attrs=results.attrs | {"config": '[dem]\naccuracy = "5%"\n'})
+    assert "the 5% setting" in report_text.accuracy(named)
+
+
+def test_tables_beside_the_results_are_shown(results, tmp_path):
+    alone = replace(results, path=tmp_path / "results.h5")
+    assert "<table" not in report_trust.other_runs(alone)
+    pd.DataFrame({"against": ["N = 8000"], "bias (%)": [1.2345]}).to_csv(tmp_path / "fidelity.csv", index=False)
+    shown = report_trust.other_runs(alone)
+    assert "N = 8000" in shown and "1.2" in shown and "fidelity ladder" in shown
 
 
 def test_the_proofs_name_their_worst_run(results):

@@ -1,0 +1,119 @@
+"""The report's sections on how far to trust it: sources of variance, enough runs, other sizes, proofs and noise."""
+
+from __future__ import annotations
+
+import pandas as pd
+
+from analysis import report_text, tables, trust, webpage
+from analysis.stopping import LEAST
+
+
+def sources(results):
+    frame = tables.variance_sources(results)
+    if not len(frame):
+        return webpage.paragraph(f"Too few runs for a response surface: at least {LEAST} points a density.")
+    check = tables.monte_carlo_check(results)
+    check = check[check["quantity"].isin(["eta", "e", "Z", "G_0"])]
+    names = ("mean", "sd", "5%", "50%", "95%")
+    columns = {name: [f"{webpage.number(a)} ({100 * off:+.1f})" for a, off in
+                      zip(check[name], check[f"difference of {name}"], strict=True)] for name in names}  # fmt: skip
+    along = tables.monte_carlo_along(results)
+    percent = [name for name in along.columns if name not in ("mu_iso", "quantity")]
+    along = along.assign(**{name: [f"{100 * v:.1f}" for v in along[name]] for name in percent})
+    return (
+        webpage.paragraph(report_text.SOURCES)
+        + webpage.table(
+            frame.drop(columns="leave-one-out error").round(2).sort_values(["quantity", "state", "mu_iso"]),
+            "Shares of the variance over the points",
+            digits=2,
+        )
+        + webpage.table(
+            check[["quantity", "state", "mu_iso"]].assign(**columns),
+            "The points' moments and quantiles, in brackets their difference to Monte Carlo through the response "
+            "surface, in % of its standard deviation with noise",
+            stack=True,
+        )
+        + webpage.table(along, "PDEM against Monte Carlo along strain beyond 1 %: largest differences in % of the "
+                        "standard deviation; PDF: Wasserstein distance")  # fmt: skip
+    )
+
+
+def replay(results):
+    frame = tables.stopping_replay(results)
+    if not len(frame):
+        return webpage.paragraph("Not to be told here: points were spared, or they are too few for a response surface.")
+    for name in ("share of runs", "claimed", "against all runs", "against the surface of all"):
+        frame[name] = [f"{v:.1%}" for v in frame[name]]
+    return webpage.paragraph(report_text.REPLAY) + webpage.table(frame, "The stopping rule replayed", stack=True)
+
+
+def design(results):
+    frame = tables.design_table(results)
+    names = {
+        "mean (deg)": "mean",
+        "characteristic 5 % from the points (deg)": "5 % of points",
+        "characteristic 5 % from the density (deg)": "5 % of density",
+    }
+    for long, short in names.items():
+        frame[short] = [
+            f"{v:.1f} ({a:.1f}–{b:.1f})"
+            for v, a, b in zip(frame[long], frame[f"{long}, from"], frame[f"{long}, to"], strict=True)
+        ]
+    text = (
+        "Friction angles in degrees in triaxial compression, sin φ = 3η/(6+η), with 95 % bands from resampling the "
+        "points and from the packing's noise. Every run gives all its grains one pair of properties, so the spread is "
+        "that of the population's mean properties, not the scatter within one deposit."
+    )
+    return webpage.paragraph(text) + webpage.table(
+        frame[["mu_iso", "state", *names.values()]], "Mean and characteristic friction angles (degrees)"
+    )
+
+
+def noise_and_proofs(results):
+    parts = [webpage.table(trust.proofs(results), "What every shear run proves about itself", stack=True)]
+    parts += map(webpage.paragraph, report_text.proof_notes(results))
+    parts.append(
+        webpage.table(
+            trust.noise(results),
+            "How much of a spread is noise: standard deviation over the points, standard error of one run's critical "
+            "average, scatter between packings, and what all points of a density may share",
+            stack=True,
+        )
+    )
+    parts += _bands(results)
+    parts.append(
+        webpage.table(
+            trust.widths(results),
+            "Width of the shown densities: kernel against the spread of the points, at the last strain",
+        )
+    )
+    parts.append(
+        webpage.table(
+            trust.losses(results), "Failed and continued shear runs, and the probability they held", stack=True
+        )
+    )
+    return "".join(parts)
+
+
+def _bands(results):
+    frame = tables.moment_bands(results)
+    if not len(frame):
+        return []
+    for name in ("mean", "sd"):
+        frame[name] = [f"{webpage.number(v)} ({webpage.number(a)}–{webpage.number(b)})" for v, a, b in
+                       zip(frame[name], frame[f"{name}, from"], frame[f"{name}, to"], strict=True)]  # fmt: skip
+    shown = frame[["quantity", "state", "mu_iso", "mean", "sd", "from runs"]]
+    return [webpage.paragraph(report_text.BANDS),
+            webpage.table(shown, "95 % bands of means and standard deviations; last, the share of the mean's squared "
+                          "error that comes from the runs", stack=True, digits=2)]  # fmt: skip
+
+
+def other_runs(results) -> str:
+    """The benchmarks that lie beside results.h5 as fidelity.csv and beyond.csv: other sizes and rates, other grains."""
+    parts = []
+    for name, (text, caption) in report_text.BESIDE.items():
+        path = results.path.parent / f"{name}.csv"
+        if path.exists():
+            frame = pd.read_csv(path)
+            parts += [webpage.paragraph(text), webpage.table(frame, caption, stack=True, digits=2)]
+    return "".join(parts) or webpage.paragraph("None: neither fidelity.csv nor beyond.csv lies beside this results.h5.")
