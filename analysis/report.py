@@ -114,7 +114,7 @@ def _points(results, figures):
 
 
 def _runs(results):
-    counts = webpage.table(trust.run_counts(results), "Runs by stage")
+    counts = webpage.table(trust.run_counts(results), "Runs by stage", stack=True)
     notes = [report_text.accuracy(results), *report_text.run_notes(results)]
     return counts + "".join(map(webpage.paragraph, notes))
 

@@ -55,13 +55,13 @@ REPLAY = (
     "All points were run, so the rule that stops a campaign once it has runs enough can be judged: it is replayed here "
     "on these runs, batch by batch in its own order, and its claim held against what the other runs say. Errors are "
     "Wasserstein distances over the standard deviation, the worst over peak and critical stress ratio and critical "
-    "void ratio at all densities. The claim speaks of the response surface; the distance to all runs has their noise in it."
+    "void ratio at all densities. The claim speaks of the response surface; the distance to all runs holds their noise."
 )
 
 
 BANDS = (
     "How sure means and standard deviations are: 95 % bands from the runs' noise, the error that the points of a "
-    "density share by their packing included, and from the finite number of measured pairs, to which the inputs are refitted."
+    "density share by their packing included, and from the number of measured pairs, to which the inputs are refitted."
 )
 
 
@@ -69,7 +69,7 @@ BANDS = (
 BESIDE = {
     "fidelity": (
         "Does the size of this campaign bend its numbers? The same chains at five points with more spheres and at "
-        "lower rates. Bias is this campaign's setting against the rung, averaged over the points, with its 95 % half width; "
+        "lower rates. Bias is this campaign's setting against the rung, the points' mean, with its 95 % half width; "
         "scatter is that between packings at the same point. The bias is within the promise if its whole interval is.",
         "The fidelity ladder: bias and scatter of the laptop's setting against larger and slower runs",
     ),
@@ -104,7 +104,7 @@ def accuracy(results) -> str:
     shear = results.runs[(results.runs["stage"] == "shear") & (results.runs["status"] == "done")]
     asked = tomllib.loads(results.attrs["config"]).get("dem", {}).get("accuracy", "")
     words = {"inertial_number": "inertial number", "strain_end": "axial strain to",
-             "timestep_factor": "time step factor", "stiffness_scale": "stiffness factor", "damping": "damping"}  # fmt: skip
+             "timestep_factor": "time step factor", "stiffness_scale": "stiffness factor"}  # fmt: skip
     used = [f"{word} {', '.join(f'{v:g}' for v in sorted(set(shear[name].dropna())))}"
             for name, word in words.items() if name in shear and shear[name].notna().any()]  # fmt: skip
     named = f"the {asked} setting of campaign/accuracy.toml" if asked else "none by name, every key set by itself"

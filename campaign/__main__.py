@@ -19,7 +19,7 @@ COMMANDS = {
     "status": "tell what is done, running, failed and missing",
     "missing": "list the runs without a product",
     "analyse": "metrics, probability densities and tables into results.h5",
-    "report": "figures and report.html; of a results.h5 in place of CONFIG the tables, too, without a campaign's folder",
+    "report": "figures and report.html; of a results.h5 in place of CONFIG the tables, too, no folder needed",
     "all": "plan, run, analyse and report; nothing is done twice",
 }
 

@@ -20,11 +20,12 @@ import h5py
 import numpy as np
 import pandas as pd
 from bench_rows import append, finished
-from chain_rows import MEASURED, NAMES, Chain, cpu_seconds, row
+from chain_rows import MEASURED, NAMES, RESPONSES, Chain, cpu_seconds, row
 from dem_runs import BUILD, D50, ROOT, SIGMA_LN, digest
 
 from analysis import inputs, joint
 from analysis.assembly import diameters, make_assembly, write_assembly
+from analysis.quantities import QUANTITIES
 from campaign.config import read_config
 
 ROWS = ROOT / "data" / "benchmarks" / "beyond.csv"
@@ -73,10 +74,10 @@ def cases():
 
 
 def compared(rows: pd.DataFrame) -> pd.DataFrame:
-    """Per case and response: value, standard grading's value and difference in %; or mean, scatter and difference.
+    """Per case and response: means over the runs, their difference in %, and what draws and packings scatter by.
 
-    Two gradings are compared at the mean of their points, with the scatter of one packing to another as measure; own
-    pairs with one pair at the medians, with the scatter between draws and between packings.
+    Gradings are compared with the standard one at the same points, own pairs with one pair at the medians; the scatter
+    between packings is that of specimens of one pair.  In shown units.
     """
     good, out = rows[rows.failure.isna()], []
     one = good[good.case == ONE_PAIR]
@@ -85,14 +86,15 @@ def compared(rows: pd.DataFrame) -> pd.DataFrame:
             continue
         own = good[good.case == name]
         against = one if name == OWN_PAIRS else good[(good.case == STANDARD) & good.point.isin(own.point)]
-        for response in NAMES:
+        for (symbol, state), response in zip(RESPONSES, NAMES, strict=True):
             mean, other = own[response].mean(), against[response].mean()
-            between = one[response].std()
-            out.append({"case": name, "against": ONE_PAIR if name == OWN_PAIRS else STANDARD, "response": response,
-                        "runs": len(own), "mean": mean, "mean of the other": other,
+            factor, unit = QUANTITIES[symbol].shown_factor, QUANTITIES[symbol].shown_unit
+            out.append({"case": name, "against": ONE_PAIR if name == OWN_PAIRS else STANDARD, "state": state,
+                        "response": symbol + (f" ({unit})" if unit else ""),
+                        "runs": len(own), "mean": factor * mean, "mean of the other": factor * other,
                         "difference (%)": 100 * (mean / other - 1),
                         "scatter between draws (%)": 100 * own[response].std() / mean if name == OWN_PAIRS else np.nan,
-                        "scatter between packings (%)": 100 * between / one[response].mean(),
+                        "scatter between packings (%)": 100 * one[response].std() / one[response].mean(),
                         "failed": int(rows[rows.case == name].failure.notna().sum())})  # fmt: skip
     return pd.DataFrame(out)
 
