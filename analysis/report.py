@@ -179,13 +179,11 @@ def _claims(claims):
         "a shift common to all points of a density. It is held if the whole interval meets the criterion, not held if "
         "none of it does, and open otherwise; the criteria are this project's reading of the paper's words."
     )
-    frame = claims.assign(
-        interval=[
-            f"{webpage.number(a)} … {webpage.number(b)}" for a, b in zip(claims["from"], claims["to"], strict=True)
-        ]
-    )
+    told = [f"{webpage.number(v)} ({webpage.number(a)} … {webpage.number(b)}), wanted {limit}" for v, a, b, limit in
+            zip(claims["value"], claims["from"], claims["to"], claims["criterion"], strict=True)]  # fmt: skip
+    frame = claims.assign(**{"value (interval)": told})
     return webpage.paragraph(intro) + webpage.table(
-        frame[["claim", "verdict", "number", "value", "interval", "criterion"]], stack=True
+        frame[["claim", "verdict", "value (interval)", "number"]], stack=True
     )
 
 

@@ -65,20 +65,13 @@ BANDS = (
 )
 
 
-#: Tables of benchmarks shown where they lie beside results.h5: name of the CSV -> text and caption.
+#: What is said of the benchmarks' tables that lie beside results.h5, by the CSV's name.
 BESIDE = {
-    "fidelity": (
-        "Does the size of this campaign bend its numbers? The same chains at five points with more spheres and at "
-        "lower rates. Bias is this campaign's setting against the rung, the points' mean, with its 95 % half width; "
-        "scatter is that between packings at the same point. The bias is within the promise if its whole interval is.",
-        "The fidelity ladder: bias and scatter of the laptop's setting against larger and slower runs",
-    ),
-    "beyond": (
-        "What the paper leaves out: a well-graded and a gap-graded assembly, and grains that each have a pair of "
-        "properties of their own, against specimens of one pair. Few runs, so differences count only where they are "
-        "well beyond the scatter between packings.",
-        "Other gradings, and one pair of properties a grain",
-    ),
+    "fidelity": "Does the size of this campaign bend its numbers? The same chains at five points with more spheres and "
+    "at lower rates. Bias is that of this campaign's setting against the rung, averaged over the points; it is within the "
+    "promise of the accuracy setting if its whole 95 % interval is.",
+    "beyond": "What the paper leaves out: a well-graded and a gap-graded assembly, and grains that each have a pair of "
+    "properties of their own. Few runs, so differences count only well beyond the scatter between packings.",
 }
 
 

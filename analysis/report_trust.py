@@ -109,11 +109,41 @@ def _bands(results):
 
 
 def other_runs(results) -> str:
-    """The benchmarks that lie beside results.h5 as fidelity.csv and beyond.csv: other sizes and rates, other grains."""
+    """Benchmarks that lie beside results.h5 as fidelity.csv and beyond.csv: other sizes and rates, other grains."""
     parts = []
-    for name, (text, caption) in report_text.BESIDE.items():
+    for name, show in (("fidelity", _fidelity), ("beyond", _beyond)):
         path = results.path.parent / f"{name}.csv"
         if path.exists():
-            frame = pd.read_csv(path)
-            parts += [webpage.paragraph(text), webpage.table(frame, caption, stack=True, digits=2)]
+            parts += [webpage.paragraph(report_text.BESIDE[name]), *show(pd.read_csv(path))]
     return "".join(parts) or webpage.paragraph("None: neither fidelity.csv nor beyond.csv lies beside this results.h5.")
+
+
+def _fidelity(frame):
+    """Bias and scatter apart, one row a response and one column a rung."""
+    cells = [f"{b:+.1f} ± {h:.1f}, {word}" for b, h, word in
+             zip(frame["bias (%)"], frame["± (%)"], frame["bias within"], strict=True)]  # fmt: skip
+    bias = _wide(frame.assign(cell=cells), "against", "cell")
+    scatter = _wide(frame, "against", "scatter, rung (%)").dropna(axis=1, how="all")
+    scatter.insert(1, "laptop", _wide(frame, "against", "scatter, laptop (%)").iloc[:, 1])
+    failed = int(frame.drop_duplicates("against")["failed"].sum())
+    promised = frame["promised (%)"].iloc[0]
+    yield webpage.table(bias, f"The fidelity ladder: bias of the laptop's setting against each rung in %, ± 95 %; within "
+                        f"{promised:g} %? ({failed} chains failed)", stack=True)  # fmt: skip
+    yield webpage.table(scatter, "Scatter between packings at the same point in %", digits=2)
+
+
+def _beyond(frame):
+    """Differences to what each case is compared with, one row a response, beside the scatters."""
+    frame = frame.assign(response=frame["response"] + ", " + frame["state"])
+    off = _wide(frame.assign(cell=[f"{v:+.1f}" for v in frame["difference (%)"]]), "case", "cell")
+    for name in ("scatter between packings (%)", "scatter between draws (%)"):
+        off[name.removesuffix(" (%)")] = frame.groupby("response", sort=False)[name].max().to_numpy()
+    failed = int(frame.drop_duplicates("case")["failed"].sum())
+    yield webpage.table(off, f"Difference in %: of a grading to the standard one, of own pairs to one pair a specimen "
+                        f"({failed} chains failed)", stack=True, digits=2)  # fmt: skip
+
+
+def _wide(frame, column, value):
+    """One row a response and one column each value of `column`, in the order of the frame."""
+    wide = frame.pivot(index="response", columns=column, values=value)
+    return wide.loc[frame["response"].unique(), frame[column].unique()].rename_axis(None, axis=1).reset_index()

@@ -116,9 +116,18 @@ def test_the_report_says_what_the_runs_used_and_which_setting_was_asked_for(resu
 def test_tables_beside_the_results_are_shown(results, tmp_path):
     alone = replace(results, path=tmp_path / "results.h5")
     assert "<table" not in report_trust.other_runs(alone)
-    pd.DataFrame({"against": ["N = 8000"], "bias (%)": [1.2345]}).to_csv(tmp_path / "fidelity.csv", index=False)
+    ladder = {"against": ["N = 2000", "N = 8000"], "response": ["eta_peak"] * 2, "bias (%)": [0.5, 1.2345],
+              "± (%)": [0.1, 0.2], "scatter, laptop (%)": [2.5, 2.5], "scatter, rung (%)": [1.75, None],
+              "promised (%)": [2, 2], "bias within": ["yes", "yes"], "failed": [0, 1]}  # fmt: skip
+    pd.DataFrame(ladder).to_csv(tmp_path / "fidelity.csv", index=False)
+    rest = {"case": ["gap graded", "own pair a grain"], "response": ["eta"] * 2, "state": ["peak"] * 2,
+            "difference (%)": [-3.25, 0.5], "scatter between draws (%)": [None, 1.25],
+            "scatter between packings (%)": [2.25, 2.25], "failed": [0, 0]}  # fmt: skip
+    pd.DataFrame(rest).to_csv(tmp_path / "beyond.csv", index=False)
     shown = report_trust.other_runs(alone)
-    assert "N = 8000" in shown and "1.2" in shown and "fidelity ladder" in shown
+    for text in ("+1.2 ± 0.2, yes", "1 chains failed", ">2.5<", ">1.8<", "-3.2", "+0.5", ">1.2<", "eta, peak"):
+        assert text in shown
+    assert Page(shown).open == [] and shown.count("<table") == 3
 
 
 def test_the_proofs_name_their_worst_run(results):
