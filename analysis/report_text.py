@@ -68,8 +68,8 @@ BANDS = (
 #: What is said of the benchmarks' tables that lie beside results.h5, by the CSV's name.
 BESIDE = {
     "fidelity": "Does the size of this campaign bend its numbers? The same chains at five points with more spheres and "
-    "at lower rates. Bias is that of this campaign's setting against the rung, averaged over the points; it is within the "
-    "promise of the accuracy setting if its whole 95 % interval is.",
+    "at lower rates. Bias is that of this campaign's setting against the rung, averaged over the points; it is within "
+    "the promise of the accuracy setting if its whole 95 % interval is.",
     "beyond": "What the paper leaves out: a well-graded and a gap-graded assembly, and grains that each have a pair of "
     "properties of their own. Few runs, so differences count only well beyond the scatter between packings.",
 }

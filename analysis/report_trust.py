@@ -127,8 +127,8 @@ def _fidelity(frame):
     scatter.insert(1, "laptop", _wide(frame, "against", "scatter, laptop (%)").iloc[:, 1])
     failed = int(frame.drop_duplicates("against")["failed"].sum())
     promised = frame["promised (%)"].iloc[0]
-    yield webpage.table(bias, f"The fidelity ladder: bias of the laptop's setting against each rung in %, ± 95 %; within "
-                        f"{promised:g} %? ({failed} chains failed)", stack=True)  # fmt: skip
+    caption = f"bias of the laptop's setting against each rung in %, ± 95 %, and whether it is within {promised:g} %"
+    yield webpage.table(bias, f"The fidelity ladder: {caption} ({failed} chains failed)", stack=True)
     yield webpage.table(scatter, "Scatter between packings at the same point in %", digits=2)
 
 
