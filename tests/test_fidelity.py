@@ -77,7 +77,7 @@ def test_gradings_and_own_pairs_stand_beside_what_they_are_compared_with():
         + [row(bench_beyond.ONE_PAIR, "median", p, 0, 1.0 + 0.1 * (p - 2)) for p in (1, 2, 3)]
         + [row(bench_beyond.OWN_PAIRS, "median", 1, d, 1.1 + 0.01 * (d - 2)) for d in (1, 2, 3)]
     )
-    table = bench_beyond.compared(frame).set_index(["case", "response"])
+    table = bench_beyond.compared(frame).set_index(["case", "response"]).sort_index()
     gap, own = table.loc[("gap graded", "Z")].iloc[0], table.loc[(bench_beyond.OWN_PAIRS, "e")].iloc[0]
     assert gap["difference (%)"] == pytest.approx(10) and np.isnan(gap["scatter between draws (%)"])
     assert own["difference (%)"] == pytest.approx(10)
