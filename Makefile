@@ -53,14 +53,7 @@ bench-dem: setup ## the DEM protocol's run time against error; resumable, writes
 stress: setup ## the stability map of the DEM protocol; writes data/benchmarks
 	@$(PYTHON) tests/benchmarks/bench_stability.py
 
-slurm-laptop-data: laptop ## the laptop campaign's results, tables, figures and example runs into data/laptop
-	@$(PYTHON) data/make_laptop.py
-
-report: ## every table and figure and the report from data/laptop/results.h5; a minute, no YADE
-	@ls -d $(MODULES) >/dev/null 2>&1 || $(call apt_install,$(ANALYSIS))
-	@$(PYTHON) -m campaign report
-
-test: setup ## a real one-node SLURM from Debian's packages (root), and a campaign through it
+slurm-test: setup ## a real one-node SLURM from Debian's packages (root), and a campaign through it
 	@sh tests/slurm_node.sh $(PYTHON) -m pytest -q -m long tests/test_slurm.py
 
 clean: ## remove caches and virtual environments (never runs/)
