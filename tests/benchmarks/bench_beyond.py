@@ -1,10 +1,10 @@
 """Beyond the paper: other gradings, and grains that each have properties of their own, at a few points.
 
     python3 tests/benchmarks/bench_beyond.py --cost     what it would cost, nothing is run
-    python3 tests/benchmarks/bench_beyond.py            what is missing (about 20 minutes of CPU; resumable)
+    python3 tests/benchmarks/bench_beyond.py            what is missing (some 25 minutes of CPU; resumable)
     python3 tests/benchmarks/bench_beyond.py --table    only the table from the rows there are
 
-1,000 spheres, medium density (mu_iso = 0.04), half the stiffness in shear.  Gradings: the standard one against a
+1,000 spheres, medium density (mu_iso = 0.04).  Gradings: the standard one against a
 well-graded one (Fuller, largest over smallest 4) and a gap-graded one (a quarter fines, medians 2.2 apart), at two
 points, one packing each.  Properties: three specimens in one packing whose grains draw their own pairs from the fitted
 joint distribution, against three packings of specimens that have one pair, the medians.  Rows go to
@@ -31,7 +31,7 @@ from campaign.config import read_config
 ROWS = ROOT / "data" / "benchmarks" / "beyond.csv"
 TABLE = ROOT / "data" / "laptop" / "beyond.csv"
 N, MU_ISO = 1000, 0.04
-SHEAR = {"inertial_number": 2.4e-3, "strain_end": 0.30, "timestep_factor": 1.0, "stiffness_scale": 0.5}
+SHEAR = {"inertial_number": 2.4e-3, "strain_end": 0.30, "timestep_factor": 1.0}
 POINTS = {"median": (0.214, 25.7e9), "rough": (0.38, 18e9)}
 STANDARD = "standard grading"
 GRADINGS = {STANDARD: ("lognormal", {}), "well graded": ("well_graded", {"size_ratio": 4.0}),
