@@ -2,11 +2,13 @@
 PYTHON ?= /usr/bin/python3
 CAMPAIGN ?= campaign/demo.toml
 VENVS = .venvs
-DEBIAN = yade python3-h5py python3-pandas python3-scipy python3-matplotlib python3-pytest
+ANALYSIS = python3-h5py python3-pandas python3-scipy python3-matplotlib
+DEBIAN = yade $(ANALYSIS) python3-pytest
 #: Paths that the Debian packages above put in place: all there, nothing to install.
-INSTALLED = /usr/bin/yade $(addprefix /usr/lib/python3/dist-packages/,h5py pandas scipy matplotlib pytest)
+MODULES = $(addprefix /usr/lib/python3/dist-packages/,h5py pandas scipy matplotlib)
+INSTALLED = /usr/bin/yade $(MODULES) /usr/lib/python3/dist-packages/pytest
 
-.PHONY: help setup campaign laptop test test-long test-newest style bench-dem stress slurm-test clean
+.PHONY: help setup campaign laptop laptop-data report test test-long test-newest style bench-dem stress slurm-test clean
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -20,6 +22,13 @@ campaign: setup ## run the default campaign, from the measured pairs to the repo
 
 laptop: setup ## the paper's campaign at reduced size; hours, can be stopped and taken up again
 	@$(PYTHON) -m campaign all campaign/laptop.toml
+
+laptop-data: laptop ## the laptop campaign's results, tables, figures and example runs into data/laptop
+	@$(PYTHON) data/make_laptop.py
+
+report: ## every table and figure and the report from data/laptop/results.h5; a minute, no YADE
+	@ls -d $(MODULES) >/dev/null 2>&1 || $(call apt_install,$(ANALYSIS))
+	@$(PYTHON) -m campaign report
 
 test: setup ## the tests, YADE included
 	@$(PYTHON) -m pytest -q

@@ -12,13 +12,14 @@ import numpy as np
 from scipy import special
 
 from analysis import paper, pdem, triaxial, weighted
+from analysis.packing_noise import common_error
 
 
 @dataclass(frozen=True)
 class Sample:
     """One family's points, drawn once: states and curves of D densities at Q points, with weights (D, Q).
 
-    shift (D,) is the common error of each density in units of one run's standard error; zeros: none.
+    shift (D,) is the error that all points of a density share, in units of `packing_noise.common_error`; zeros: none.
     """
 
     results: object
@@ -38,8 +39,9 @@ class Sample:
     def state(self, state, symbol):
         """Values (D, Q) of a quantity at a state, with the densities' common errors."""
         values = self._load((state, symbol), partial(self.results.state, state, symbol))[:, self.index]
-        common = self._load((state, symbol, "error"), partial(self._error, state, symbol))
-        return values + (self.shift * common)[:, None]
+        if (state, symbol, "common") not in self.store:
+            self.store[state, symbol, "common"] = common_error(self.results, state, symbol, self.family)[0]
+        return values + (self.shift * self.store[state, symbol, "common"])[:, None]
 
     def spread(self, state, symbol):
         """Standard deviation (D,) of a quantity at a state over all points, not those drawn."""
@@ -62,11 +64,6 @@ class Sample:
     def driver(self, symbol):
         """Values (Q,) of an input at the points."""
         return self._load(("points", symbol), None)[self.index]
-
-    def _error(self, state, symbol, mu_iso, family):
-        """Standard error of one run at a density, root mean square over the points; 0 where it is not known."""
-        errors = self.results.state_error(state, symbol, mu_iso, family)
-        return 0.0 if errors is None else float(np.nan_to_num(np.sqrt(np.nanmean(errors**2))))
 
     def _load(self, key, read):
         if key not in self.store:

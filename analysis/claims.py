@@ -2,8 +2,9 @@
 
 Intervals come from resampling the representative points, all densities together, with their probabilities.  All points
 of a density share a packing, so part of a run's noise is common to them and resampling cannot see it: every resample
-also shifts each density by a normal error of one run's standard error, as if all of it were common.  Noise can only add
-to a distance, so the intervals of distances are reflected about the value (basic bootstrap), which takes that out.
+also shifts each density by a normal error, measured on replicate packings where there are some and else one run's
+standard error, as if all of it were common (`analysis.packing_noise`).  Noise can only add to a distance, so the
+intervals of distances are reflected about the value (basic bootstrap), which takes that out.
 A claim is held if the whole interval meets its criterion, not held if none of it does, and cannot be told otherwise.
 """
 

@@ -17,6 +17,7 @@ CHECKED = {"consolidate": ("G_p", "mu_iso"), "shear": ("mu_s", "G_p", "mu_iso"),
 STAGE_STATES = {"shear": ("initial", "peak", "critical"), "probe": ("probe",)}
 TIMES = ("steps", "cpu_seconds", "wall_seconds", "particle_steps_per_cpu_second")
 SURFACE = 5  # runs below which there is no response surface
+SETTINGS = ("inertial_number", "strain_end", "timestep_factor", "stiffness_scale", "damping")
 PROOFS = ("max_inertial_number", "servo_mean_error", "servo_max_error", "energy_error", "F_unb")
 
 
@@ -91,6 +92,7 @@ def _read(row):
         states = run_states(run) if row.stage in STAGE_STATES else None
         shear = states if row.stage == "shear" else RunStates()
         line["probe_asymmetry"] = probe_asymmetry(run.probe)
+        line |= {name: float(run.parameters.get(name, np.nan)) if row.stage == "shear" else np.nan for name in SETTINGS}
         line |= {"N": int(run.parameters.get("N", 0)), "critical_from": shear.critical_from, "unsteady": shear.unsteady}
         return line, states
     if failed.exists():
@@ -99,7 +101,7 @@ def _read(row):
         line |= {"status": "spared", "reason": "the answer does not need it"}
     else:
         raise ResponsesError(f"run {row.run_id}: there is no product {path}")
-    line |= dict.fromkeys(TIMES + PROOFS, np.nan) | {"created": "", "yade_version": "", "script_digest": ""}
+    line |= dict.fromkeys(TIMES + PROOFS + SETTINGS, np.nan) | {"created": "", "yade_version": "", "script_digest": ""}
     line |= {"probe_asymmetry": np.nan, "N": 0, "critical_from": np.nan, "unsteady": ""}
     return line, None
 

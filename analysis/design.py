@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from analysis import pdem, weighted
+from analysis.packing_noise import common_error
 from analysis.results import read_results
 
 LEVEL = 0.05
@@ -15,23 +16,25 @@ def design_table(results, n_boot=200, seed=1, family="coupled") -> pd.DataFrame:
     """Mean and characteristic (5 %) friction angles, degrees, per density and state, with 95 % bands.
 
     The characteristic value is taken twice: straight from the points, which cannot say more than their lowest, and from
-    the shown density, whose kernel makes it lower and so safer.  Bands come from resampling the points.  The angles
-    carry the uncertainty of the population's mean grain properties; scatter within one deposit is not in them.
+    the shown density, whose kernel makes it lower and so safer.  Bands come from resampling the points, each time with
+    an error that all points of a density share (`packing_noise.common_error`).  The angles carry the uncertainty of the
+    population's mean grain properties; scatter within one deposit is not in them.
     """
     results = read_results(results)
     rng = np.random.default_rng(seed)
     rows = []
-    for mu_iso in results.family_densities(family):
+    for k, mu_iso in enumerate(results.family_densities(family)):
         for state in ("peak", "critical"):
-            angle = friction_angle(results.state(state, "eta", mu_iso, family))
-            known = np.isfinite(angle)
-            angle, weight = angle[known], results.weights(mu_iso, family)[known]
-            index = rng.integers(len(angle), size=(n_boot, len(angle)))
-            drawn = np.array([_numbers(angle[i], weight[i] / weight[i].sum()) for i in index])
+            eta, weight = results.state(state, "eta", mu_iso, family), results.weights(mu_iso, family)
+            known = np.isfinite(eta)
+            eta, weight = eta[known], weight[known]
+            index = rng.integers(len(eta), size=(n_boot, len(eta)))
+            shift = common_error(results, state, "eta", family)[0][k] * rng.normal(size=n_boot)
+            drawn = [_numbers(friction_angle(eta[i] + s), weight[i]) for i, s in zip(index, shift, strict=True)]
             low, high = np.quantile(drawn, [0.025, 0.975], axis=0)
-            row = {"mu_iso": mu_iso, "state": state, "points": len(angle)}
-            for k, (name, value) in enumerate(zip(NUMBERS, _numbers(angle, weight / weight.sum()), strict=True)):
-                row |= {name: value, f"{name}, from": low[k], f"{name}, to": high[k]}
+            row = {"mu_iso": mu_iso, "state": state, "points": len(eta)}
+            for name, value, a, b in zip(NUMBERS, _numbers(friction_angle(eta), weight), low, high, strict=True):
+                row |= {name: value, f"{name}, from": a, f"{name}, to": b}
             rows.append(row)
     return pd.DataFrame(rows)
 
@@ -46,5 +49,6 @@ def friction_angle(eta):
 
 
 def _numbers(angle, weight):
+    weight = weight / weight.sum()
     shown = pdem.state_density(angle, weight, cells=160).quantile(LEVEL)[0]
     return float(weighted.mean(angle, weight)), float(weighted.quantile(angle, weight, LEVEL)), float(shown)

@@ -7,10 +7,15 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
+from scipy import stats
 from scipy.stats import qmc
 
-from analysis import sensitivity, surrogate, weighted
-from analysis.joint import Joint
+from analysis import bands, sensitivity, surrogate, weighted
+from analysis.density import wasserstein
+from analysis.inputs import FEWEST_PAIRS
+from analysis.joint import Joint, bootstrap_joints
+from analysis.montecarlo import monte_carlo
+from analysis.packing_noise import common_error
 from analysis.quantities import QUANTITIES
 from analysis.results import read_results
 from analysis.stopping import LEAST
@@ -18,7 +23,9 @@ from analysis.stopping import LEAST
 #: States and quantities that are pooled.
 POOLED = (("peak", "eta"), ("critical", "eta"), ("critical", "e"), ("critical", "Z"), ("critical", "Phi_dev"),
           ("peak", "D_p"), ("probe", "G_0"))  # fmt: skip
-QUANTILES = (0.05, 0.95)
+QUANTILES = (0.05, 0.5, 0.95)
+#: Responses compared along strain, and the strain from which on: before, all points start from one state.
+ALONG, ALONG_FROM = ("eta", "e", "e_m", "Z", "Z_m", "Phi_dev"), 0.01
 
 
 def variance_sources(results, power=12) -> pd.DataFrame:
@@ -40,9 +47,11 @@ def variance_sources(results, power=12) -> pd.DataFrame:
 
 
 def monte_carlo_check(results, power=17) -> pd.DataFrame:
-    """Mean, standard deviation and 5 and 95 % quantiles of every state from the points and from 2^power samples.
+    """Moments and quantiles of every state from the points and from 2^power samples, and how they differ.
 
-    The samples go through the response surface, without noise; all in shown units.
+    The samples go through the response surface, without noise; "sd, Monte Carlo with noise" has the surface's residual
+    scatter added, which the points carry too.  Differences are points minus Monte Carlo over the latter's standard
+    deviation (of the standard deviation: relative, against the one with noise); all else in shown units.
     """
     results = read_results(results)
     rows = []
@@ -50,12 +59,82 @@ def monte_carlo_check(results, power=17) -> pd.DataFrame:
         factor = QUANTITIES[symbol].shown_factor
         values, weight = factor * results.state(state, symbol, mu_iso), results.weights(mu_iso)
         drawn = factor * surface.predict(samples)[0]
-        pairs = [(weighted.mean(values, weight), drawn.mean()), (weighted.std(values, weight), drawn.std())]
+        sd, noisy = drawn.std(), float(np.hypot(drawn.std(), factor * surface.noise[0]))
+        pairs = [(weighted.mean(values, weight), drawn.mean()), (weighted.std(values, weight), sd)]
         pairs += [(weighted.quantile(values, weight, q), np.quantile(drawn, q)) for q in QUANTILES]
-        rows.append((mu_iso, state, symbol, *(float(value) for pair in pairs for value in pair)))
+        off = [(a - b) / noisy if k != 1 else a / noisy - 1 for k, (a, b) in enumerate(pairs)]
+        rows.append((mu_iso, state, symbol, *(float(v) for pair in pairs for v in pair), noisy, *map(float, off)))
     names = ("mean", "sd", *(f"{q:.0%}" for q in QUANTILES))
     columns = [column for name in names for column in (name, f"{name}, Monte Carlo")]
+    columns += ["sd, Monte Carlo with noise", *(f"difference of {name}" for name in names)]
     return pd.DataFrame(rows, columns=["mu_iso", "state", "quantity", *columns])
+
+
+def monte_carlo_along(results, power=14) -> pd.DataFrame:
+    """PDEM's density of every response against Monte Carlo through the response surface, along strain.
+
+    2^power samples of the joint inputs, with the surface's residual scatter, which the points carry too.  The largest
+    difference over the strains beyond 1 %, over Monte Carlo's standard deviation: of means, standard deviations
+    (relative) and 5 and 95 % quantiles; "PDF" is the Wasserstein-1 distance, largest and averaged over the strains.
+    """
+    results = read_results(results)
+    names = ["mu_iso", "quantity", "mean", "sd", "5%", "95%", "PDF", "PDF, average"]
+    if not results.inputs["joint"]:
+        return pd.DataFrame(columns=names)
+    samples = _samples(results, power)
+    points = results.family_points()[["mu_s", "G_p"]].to_numpy()
+    late = results.strain >= ALONG_FROM
+    rows = []
+    for mu_iso in results.family_densities():
+        for symbol in (s for s in ALONG if s in results.symbols(mu_iso)):
+            response = results.response(symbol, mu_iso)
+            if np.isfinite(response.values).sum(axis=1).min() < LEAST:
+                continue
+            surface, density = surrogate.fit(points, response.values), response.density
+            drawn = monte_carlo(surface, samples, results.strain, density, noise=surface.noise,
+                                rng=np.random.default_rng(1))  # fmt: skip
+            spread = np.where(late, drawn.std, np.nan)
+            off = {"mean": (density.mean - drawn.mean) / spread, "sd": density.std / spread - 1}
+            off |= {f"{q:.0%}": (density.quantile(q) - drawn.quantile(q)) / spread for q in (0.05, 0.95)}
+            off["PDF"] = wasserstein(density, drawn) / spread
+            largest = {name: float(np.nanmax(np.abs(values))) for name, values in off.items()}
+            average = {"PDF, average": float(np.nanmean(off["PDF"]))}
+            rows.append({"mu_iso": mu_iso, "quantity": symbol} | largest | average)
+    return pd.DataFrame(rows, columns=names)
+
+
+def moment_bands(results, n_boot=200, power=9, seed=1) -> pd.DataFrame:
+    """95 % bands of mean and standard deviation of every state: from the runs' noise and from the finite set of pairs.
+
+    Through the response surface, so without packing noise in the standard deviation; the inputs are refitted to n_boot
+    resamplings of the pairs, and the error that all points of a density share (`packing_noise.common_error`) is added
+    to the mean's.  "from runs" is the share of the mean's squared error that more or larger runs could take away, the
+    rest is that of the pairs.  In shown units.
+    """
+    results = read_results(results)
+    columns = ["mu_iso", "state", "quantity", "mean", "mean, from", "mean, to", "sd", "sd, from", "sd, to", "from runs"]
+    if not results.inputs["joint"] or len(results.pairs) < FEWEST_PAIRS:
+        return pd.DataFrame(columns=columns)
+    rng = np.random.default_rng(seed)
+    uniforms = qmc.Sobol(2, seed=1).random_base2(power)
+    fitted = Joint.from_dict(results.inputs["joint"])
+    others = bootstrap_joints(results.pairs, n_boot, rng, fitted)
+    drawn = np.stack([joint.inverse_rosenblatt(uniforms) for joint in others])
+    densities, rows = results.family_densities(), []
+    for mu_iso, state, symbol, surface, samples, _ in _surfaces(results, power):
+        found, factor = bands.moment_bands(surface, samples, drawn, rng), QUANTITIES[symbol].shown_factor
+        shared = common_error(results, state, symbol)[0][densities.index(mu_iso)]
+        error = float(np.hypot(found.mean_error[0], shared))
+        of_pairs = found.mean_error[0] ** 2 * (1 - found.noise_part[0])
+        mean, half = factor * found.mean[0], factor * stats.norm.ppf(0.975) * error
+        spread = [float(factor * part[0]) for part in (found.std, found.std_low, found.std_high)]
+        rows.append((mu_iso, state, symbol, mean, mean - half, mean + half, *spread, 1 - of_pairs / error**2))
+    return pd.DataFrame(rows, columns=columns)
+
+
+def _samples(results, power):
+    """2^power samples of the fitted joint inputs, Sobol' points."""
+    return Joint.from_dict(results.inputs["joint"]).inverse_rosenblatt(qmc.Sobol(2, seed=1).random_base2(power))
 
 
 def _surfaces(results, power):
@@ -63,7 +142,7 @@ def _surfaces(results, power):
     results = read_results(results)
     if not results.inputs["joint"]:
         return
-    samples = Joint.from_dict(results.inputs["joint"]).inverse_rosenblatt(qmc.Sobol(2, seed=1).random_base2(power))
+    samples = _samples(results, power)
     points = results.family_points()[["mu_s", "G_p"]].to_numpy()
     for mu_iso in results.family_densities():
         for state, symbol in POOLED:

@@ -7,12 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis import paper, report_text, tables, trust, webpage
+from analysis import paper, report_text, report_trust, tables, trust, webpage
 from analysis.claims import HELD, NOT_HELD, OPEN
 from analysis.figures import FIGURES, write_figures
 from analysis.quantities import QUANTITIES
 from analysis.results import read_results
-from analysis.stopping import LEAST
 
 
 def write_report(results, folder) -> Path:
@@ -37,19 +36,21 @@ def sections(results, figures, name) -> list[tuple[str, str]]:
     claims = tables.claims_table(results)
     return [
         ("", _head(results, claims, name)),
+        ("The paper's claims, each with a number", _claims(claims)),
         ("Inputs: measured pairs", _inputs(results, figures)),
         ("Representative points and grading", _points(results, figures)),
         ("Runs", _runs(results)),
         ("Initial states", _initial(results)),
         ("Stress ratio", _pictures(figures, "fig05", "fig06", "fig07") + _peak_critical(results)),
-        ("Void ratios, coordination, fabric", _pictures(figures, "fig08", "fig09", "fig10", "fig11", "fig12")),
+        ("Void ratios, coordination, fabric", _behaviour(results, figures)),
         ("Stiffness and dilatancy", _pictures(figures, "fig13")),
         ("Joint densities", _pictures(figures, "fig14", "fig15")),
-        ("Where the scatter comes from", _sources(results)),
+        ("Where the scatter comes from", report_trust.sources(results)),
         ("What the measured pairs leave open", open_inputs(results)),
-        ("The paper's claims, each with a number", _claims(claims)),
-        ("Friction angles for design", _design(results)),
-        ("How far every number can be trusted", _trust(results)),
+        ("Friction angles for design", report_trust.design(results)),
+        ("How many runs would have been enough", report_trust.replay(results)),
+        ("The same at other sizes and rates, and with other grains", report_trust.other_runs(results)),
+        ("How far every number can be trusted", report_trust.noise_and_proofs(results)),
         ("Where this comes from", _provenance(results)),
     ]
 
@@ -62,9 +63,9 @@ def _head(results, claims, name):
     items = [
         (str(len(results.points)), f"points of ({_sign('mu_s')}, {_sign('G_p')})"),
         (str(len(results.densities)), "densities"),
-        (f"{done} of {len(results.runs)}", "runs with a product"),
+        (str(done), "runs, all with a product" if done == len(results.runs) else f"of {len(results.runs)} runs done"),
         (size, "spheres a run"),
-        (f"{hours:.2g} h", "processor time"),
+        (f"{hours:.3g}", "core-hours"),
         (
             " / ".join(str(counts.get(outcome, 0)) for outcome in (HELD, NOT_HELD, OPEN)),
             "claims held / not held / open",
@@ -115,9 +116,9 @@ def _points(results, figures):
 
 
 def _runs(results):
-    return webpage.table(trust.run_counts(results), "Runs by stage", stack=True) + "".join(
-        map(webpage.paragraph, report_text.run_notes(results))
-    )
+    counts = webpage.table(trust.run_counts(results), "Runs by stage", stack=True)
+    notes = [report_text.accuracy(results), *report_text.run_notes(results)]
+    return counts + "".join(map(webpage.paragraph, notes))
 
 
 def _initial(results):
@@ -161,25 +162,17 @@ def _peak_critical(results):
     )
 
 
-def _sources(results):
-    frame = tables.variance_sources(results)
-    if not len(frame):
-        return webpage.paragraph(f"Too few runs for a response surface: at least {LEAST} points a density.")
-    check = tables.monte_carlo_check(results)
-    check = check[check["quantity"].isin(["eta", "G_0"])]
-    columns = {f"{name} (MC)": [f"{webpage.number(a)} ({webpage.number(b)})" for a, b in
-                                zip(check[name], check[f"{name}, Monte Carlo"], strict=True)]
-               for name in ("mean", "sd", "5%", "95%")}  # fmt: skip
-    shown = check[["quantity", "state", "mu_iso"]].assign(**columns)
-    return (
-        webpage.paragraph(report_text.SOURCES)
-        + webpage.table(
-            frame.drop(columns="leave-one-out error").round(2).sort_values(["quantity", "state", "mu_iso"]),
-            "Shares of the variance over the points",
-            digits=2,
-        )
-        + webpage.table(shown, "Points against Monte Carlo through the response surface (in brackets)", stack=True)
+def _behaviour(results, figures):
+    frame = tables.peak_critical(results)
+    frame = frame[(frame["family"] == "coupled") & frame["quantity"].isin(["I_G_active", "I_G_stress"])]
+    frame = frame[frame["state"].isin(["peak", "critical"]) & frame["mean"].notna()]
+    caption = (
+        f"Grading indices of the grains that carry stress; the paper: both about {paper.GRADING_INDEX}, COV about "
+        f"{paper.GRADING_INDEX_COV:g}; all grains here: {results.grading.get('I_G', np.nan):.4f}"
     )
+    columns = ["quantity", "state", "mu_iso", "mean", "COV"]
+    shown = webpage.table(frame.sort_values(["quantity", "state", "mu_iso"])[columns], caption, digits=4)
+    return _pictures(figures, "fig08", "fig09", "fig10", "fig11", "fig12") + shown
 
 
 def open_inputs(results) -> str:
@@ -200,65 +193,16 @@ def open_inputs(results) -> str:
 
 def _claims(claims):
     intro = (
-        "Each claim became a number with a 95 % interval from resampling the points, with one run's standard error as "
+        "Each claim became a number with a 95 % interval from resampling the points, with the packing's noise as "
         "a shift common to all points of a density. It is held if the whole interval meets the criterion, not held if "
         "none of it does, and open otherwise; the criteria are this project's reading of the paper's words."
     )
-    frame = claims.assign(
-        interval=[
-            f"{webpage.number(a)} … {webpage.number(b)}" for a, b in zip(claims["from"], claims["to"], strict=True)
-        ]
-    )
+    told = [f"{webpage.number(v)} ({webpage.number(a)} … {webpage.number(b)}), wanted {limit}" for v, a, b, limit in
+            zip(claims["value"], claims["from"], claims["to"], claims["criterion"], strict=True)]  # fmt: skip
+    frame = claims.assign(**{"value (interval)": told})
     return webpage.paragraph(intro) + webpage.table(
-        frame[["claim", "verdict", "number", "value", "interval", "criterion"]], stack=True
+        frame[["claim", "verdict", "value (interval)", "number"]], stack=True
     )
-
-
-def _design(results):
-    frame = tables.design_table(results)
-    names = {
-        "mean (deg)": "mean",
-        "characteristic 5 % from the points (deg)": "5 % of points",
-        "characteristic 5 % from the density (deg)": "5 % of density",
-    }
-    for long, short in names.items():
-        frame[short] = [
-            f"{v:.1f} ({a:.1f}–{b:.1f})"
-            for v, a, b in zip(frame[long], frame[f"{long}, from"], frame[f"{long}, to"], strict=True)
-        ]
-    text = (
-        "Friction angles in degrees in triaxial compression, sin φ = 3η/(6+η), with 95 % bands from resampling the "
-        "points. Every run gives all its grains one pair of properties, so the spread is that of the population's "
-        "mean properties, not the scatter within one deposit."
-    )
-    return webpage.paragraph(text) + webpage.table(
-        frame[["mu_iso", "state", *names.values()]], "Mean and characteristic friction angles (degrees)"
-    )
-
-
-def _trust(results):
-    parts = [webpage.table(trust.proofs(results), "What every shear run proves about itself", stack=True)]
-    parts += map(webpage.paragraph, report_text.proof_notes(results))
-    parts.append(
-        webpage.table(
-            trust.noise(results),
-            "How much of a spread is noise: standard deviation over the points, "
-            "standard error of one run's critical average, scatter between packings",
-            stack=True,
-        )
-    )
-    parts.append(
-        webpage.table(
-            trust.widths(results),
-            "Width of the shown densities: kernel against the spread of the points, at the last strain",
-        )
-    )
-    parts.append(
-        webpage.table(
-            trust.losses(results), "Failed and continued shear runs, and the probability they held", stack=True
-        )
-    )
-    return "".join(parts)
 
 
 def _provenance(results):

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import tomllib
+
 import numpy as np
 
 from analysis import paper, weighted
 from analysis.claims import HELD, NOT_HELD, OPEN
+from analysis.packing_noise import common_error
 from analysis.quantities import QUANTITIES
 from analysis.run_states import SLIDING
 from analysis.tables import parameter
@@ -43,14 +46,16 @@ SOURCES = (
     "Interparticle friction and shear modulus depend on each other, so most of what one tells the other tells too. "
     "The table splits each variance into what only one of them adds once the other is known, what either explains "
     "(shared), and what a smooth response surface over both leaves over (noise of the packing). Beside it, the "
-    "moments of the points against Monte Carlo samples through that surface, which has no noise in it."
+    "moments of the points against Monte Carlo samples through that surface, which has no noise in it; last, PDEM's "
+    "densities along strain against such samples with the runs' noise put back."
 )
 
 
-PACKING = (
-    "All points of a density start from the same packing, so part of the noise of a run is common to them: it does not "
-    "average out over the points, and only replicate packings or more spheres show or lower it. The intervals of the "
-    "claims allow for it by one run's standard error."
+REPLAY = (
+    "All points were run, so the rule that stops a campaign once it has runs enough can be judged: it is replayed here "
+    "on these runs, batch by batch in its own order, and its claim held against what the other runs say. Errors are "
+    "Wasserstein distances over the standard deviation, the worst over peak and critical stress ratio and critical "
+    "void ratio at all densities. The claim speaks of the response surface; the distance to all runs holds their noise."
 )
 
 
@@ -64,6 +69,51 @@ def open_inputs(results) -> str:
         "the critical state and of the stiffness in the figures, hold 95 % of what followed. Noise of the packing and "
         "the choice of families are not in them."
     )
+
+
+BANDS = (
+    "How sure means and standard deviations are: 95 % bands from the runs' noise, the error that the points of a "
+    "density share by their packing included, and from the number of measured pairs, to which the inputs are refitted."
+)
+
+
+#: What is said of the benchmarks' tables that lie beside results.h5, by the CSV's name.
+BESIDE = {
+    "fidelity": "Does the size of this campaign bend its numbers? The same chains at five points with more spheres and "
+    "at lower rates. Bias is that of this campaign's setting against the rung, averaged over the points; it is within "
+    "the promise of the accuracy setting if its whole 95 % interval is.",
+    "beyond": "What the paper leaves out: a well-graded and a gap-graded assembly, and grains that each have a pair of "
+    "properties of their own. Few runs, so differences count only well beyond the scatter between packings.",
+}
+
+
+def packing(results) -> str:
+    """How noise that all points of a density share is allowed for."""
+    text = (
+        "All points of a density start from the same packing, so part of the noise of a run is common to them: it does "
+        "not average out over the points, and only replicate packings or more spheres show or lower it. "
+    )
+    _, freedom = common_error(results, "critical", "eta")
+    if not np.isfinite(freedom) or freedom == 0:
+        return text + "The intervals of the claims allow for it by one run's standard error."
+    sets = results.state_replicates("critical", "eta", results.family_densities()[0])
+    several = int(np.isfinite(sets).all(axis=0).sum())
+    return text + (
+        f"Here {len(sets)} packings serve {several} of the points: what the mean over these differs by between "
+        "packings, pooled over the densities, is what the intervals of claims, friction angles and means allow for."
+    )
+
+
+def accuracy(results) -> str:
+    """The accuracy setting asked for, and what the shear runs really used."""
+    shear = results.runs[(results.runs["stage"] == "shear") & (results.runs["status"] == "done")]
+    asked = tomllib.loads(results.attrs["config"]).get("dem", {}).get("accuracy", "")
+    words = {"inertial_number": "inertial number", "strain_end": "axial strain to",
+             "timestep_factor": "time step factor", "stiffness_scale": "stiffness factor"}  # fmt: skip
+    used = [f"{word} {', '.join(f'{v:g}' for v in sorted(set(shear[name].dropna())))}"
+            for name, word in words.items() if name in shear and shear[name].notna().any()]  # fmt: skip
+    named = f"the {asked} setting of campaign/accuracy.toml" if asked else "none by name, every key set by itself"
+    return f"Accuracy asked for: {named}. Shear runs: {particles(results)} spheres, " + ", ".join(used) + "."
 
 
 def particles(results) -> str:
@@ -191,7 +241,7 @@ def proof_notes(results) -> list[str]:
     """Whether the critical averages rest on a proven steady state."""
     shear = results.runs[(results.runs["stage"] == "shear") & (results.runs["status"] == "done")]
     unsteady = shear[shear["unsteady"] != ""]
-    notes = [PACKING]
+    notes = [packing(results)]
     asymmetry = results.runs["probe_asymmetry"].dropna()
     if len(asymmetry):
         notes.append(

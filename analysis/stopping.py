@@ -6,13 +6,17 @@ estimated from the surfaces that the runs made so far would also allow: their PD
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import qmc
 
 from analysis import surrogate
 
 LEAST = 12  # runs a family before the rule may speak
+#: (state, quantity) that a campaign is judged by, at every density.
+JUDGED = (("peak", "eta"), ("critical", "eta"), ("critical", "e"))
 SAFETY = 1.1  # for what the draws don't know: that the terms of the surface were themselves chosen from the data
 
 
@@ -85,6 +89,26 @@ def nested_order(inputs) -> np.ndarray:
         away = np.minimum(away, np.sum((z - z[order[-1]]) ** 2, axis=1))
         away[order] = -1.0
     return np.array(order)
+
+
+def first_batch(points: int) -> int:
+    """Points of a campaign's first batch, of so many."""
+    return min(points, max(LEAST, math.ceil(points / 8)))
+
+
+def next_batch(used: int, points: int) -> int:
+    """Points used after one more batch, of so many."""
+    return min(points, used + max(2, round(points / 12)))
+
+
+def judged_samples(joint, n: int = 1024) -> np.ndarray:
+    """Samples (n, 2) of the joint inputs that a campaign is judged on, Sobol' points, n a power of 2."""
+    return joint.inverse_rosenblatt(qmc.Sobol(2, seed=1).random(n))
+
+
+def judged_name(state: str, symbol: str, mu_iso: float) -> str:
+    """How a judgement names one of `JUDGED` at a density."""
+    return f"{symbol} at {state}, mu_iso = {mu_iso:g}"
 
 
 def run_until(inputs, evaluate, samples, stop_when="2%", batch: int = 3, rng=None, **options) -> tuple[dict, list]:

@@ -12,8 +12,9 @@ from analysis import paper, weighted
 from analysis.claims import claims_table
 from analysis.design import design_table
 from analysis.input_bands import input_bands
-from analysis.pooling import monte_carlo_check, variance_sources
+from analysis.pooling import moment_bands, monte_carlo_along, monte_carlo_check, variance_sources
 from analysis.quantities import QUANTITIES
+from analysis.replay import stopping_replay
 from analysis.results import STATES, read_results
 
 LEVELS = (0.05, 0.5, 0.95)
@@ -156,5 +157,8 @@ TABLES = {
     "variance_sources": variance_sources,
     "monte_carlo": monte_carlo_check,
     "input_bands": input_bands,
+    "monte_carlo_along_strain": monte_carlo_along,
+    "moment_bands": moment_bands,
+    "stopping_replay": stopping_replay,
     "runs": runs,
 }

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from analysis import weighted
+from analysis.packing_noise import common_error, packing_scatter
 from analysis.quantities import QUANTITIES
 from analysis.results import read_results
 
@@ -19,22 +20,17 @@ PROOFS = {
 
 
 def run_counts(results) -> pd.DataFrame:
-    """One row per family and stage: runs planned, done, failed, stopped early as steady, and their cost."""
+    """One row per stage and family, and one in all: runs planned, done, failed, spared, steady early; core-hours."""
     runs = read_results(results).runs
+    parts = [(stage, family, part) for (stage, family), part in runs.groupby(["stage", "family"], sort=False)]
     rows = []
-    for (family, stage), part in runs.groupby(["family", "stage"], sort=False):
+    for stage, family, part in [*parts, ("all", "", runs)]:
+        counts = {word: int((part["status"] == word).sum()) for word in ("done", "failed", "spared")}
         rows.append(
-            {
-                "family": family,
-                "stage": stage,
-                "planned": len(part),
-                "done": int((part["status"] == "done").sum()),
-                "failed": int((part["status"] == "failed").sum()),
-                "steady early": int((part["reason"] == "steady").sum()),
-                "hours": part["cpu_seconds"].sum() / 3600,
-                "steps, mean": part["steps"].mean(),
-            }
-        )
+            {"stage": stage, "family": family, "planned": len(part), **counts,
+             "steady early": int((part["reason"] == "steady").sum()),
+             "core-hours": part["cpu_seconds"].sum() / 3600, "steps, mean": part["steps"].mean()}
+        )  # fmt: skip
     return pd.DataFrame(rows)
 
 
@@ -61,11 +57,12 @@ def noise(results, symbols=("eta", "e", "Z", "Phi_dev")) -> pd.DataFrame:
     """Per density and quantity at the critical state: spread of the points against what one run's average is worth.
 
     Standard errors come from block averages within a run, the scatter from replicate packings at the same point
-    (standard deviation, averaged over the points that have some; NaN without).  All in shown units.
+    (standard deviation, averaged over the points that have some; NaN without).  `common` is what all points of a
+    density may share and claims and bands allow for.  All in shown units.
     """
     results = read_results(results)
     rows = []
-    for mu_iso in results.family_densities():
+    for k, mu_iso in enumerate(results.family_densities()):
         weight = results.weights(mu_iso)
         for symbol in symbols:
             factor = QUANTITIES[symbol].shown_factor
@@ -80,20 +77,10 @@ def noise(results, symbols=("eta", "e", "Z", "Phi_dev")) -> pd.DataFrame:
                     "error of one run": factor * own,
                     "share of variance": (own / spread) ** 2 if spread else np.nan,
                     "between packings": factor * packing_scatter(results, "critical", symbol, mu_iso),
+                    "common": factor * common_error(results, "critical", symbol)[0][k],
                 }
             )
     return pd.DataFrame(rows)
-
-
-def packing_scatter(results, state, symbol, mu_iso, family="coupled") -> float:
-    """Standard deviation between packings at the same point, pooled over the points with several; NaN without any."""
-    sets = results.state_replicates(state, symbol, mu_iso, family)
-    if sets is None:
-        return float("nan")
-    several = np.isfinite(sets).sum(axis=0) > 1
-    if not several.any():
-        return float("nan")
-    return float(np.sqrt(np.mean(np.nanvar(sets[:, several], axis=0, ddof=1))))
 
 
 def widths(results, symbols=("eta", "e", "Z", "Phi_dev")) -> pd.DataFrame:

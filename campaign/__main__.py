@@ -19,15 +19,21 @@ COMMANDS = {
     "status": "tell what is done, running, failed and missing",
     "missing": "list the runs without a product",
     "analyse": "metrics, probability densities and tables into results.h5",
-    "report": "figures and report.html",
+    "report": "figures and report.html; of a results.h5 in place of CONFIG the tables, too, no folder needed",
     "all": "plan, run, analyse and report; nothing is done twice",
 }
+
+CONFIG = "a campaign's TOML file, such as campaign/demo.toml"
+#: The results in the repository.
+LAPTOP = ROOT / "data" / "laptop" / "results.h5"
 
 
 def main(argv: list[str] | None = None) -> int:
     """Run one command; a user's error ends in one line on stderr and status 2."""
     options = _parser().parse_args(argv)
     try:
+        if options.command == "report" and options.config.endswith(".h5"):
+            return report_file(Path(options.config), options.folder)
         config = read_config(options.config)
         if options.jobs is not None:
             if options.jobs < 1:
@@ -67,8 +73,10 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, text in COMMANDS.items():
         sub = commands.add_parser(name, help=text, description=text)
-        sub.add_argument("config", metavar="CONFIG", help="a campaign's TOML file, such as campaign/demo.toml")
-        sub.add_argument("--folder", help="where the campaign lives (default: runs/<name>)")
+        default = {"nargs": "?", "default": str(LAPTOP)} if name == "report" else {}
+        told = f"a campaign's TOML file, or a results.h5 (default: {LAPTOP.relative_to(ROOT)})" if default else CONFIG
+        sub.add_argument("config", metavar="CONFIG", help=told, **default)
+        sub.add_argument("--folder", help="where the campaign lives (default: runs/<name>; of a results.h5: its own)")
         sub.add_argument("--jobs", type=int, help="runs at once (default: run.jobs, else one per core)")
         sub.add_argument("--engine", choices=("local", "slurm"), help="default: run.engine")
         sub.add_argument("--failed", action="store_true", help="run failed ones again, too")
@@ -168,6 +176,14 @@ def report(config: Config, folder: Path, options) -> int:
     from campaign.evaluate import report as write
 
     print(write(config, folder))
+    return 0
+
+
+def report_file(results: Path, folder: str | None) -> int:
+    """Every table and figure and the report of a results file, beside it or in a folder."""
+    from campaign.evaluate import report_of_file
+
+    print(report_of_file(results, Path(folder) if folder else results.parent))
     return 0
 
 

@@ -21,9 +21,6 @@ from campaign.plan import Row
 from campaign.products import look
 
 NOTE = "tables/enough.json"
-LEAST = 12  # points of the first batch; `analysis.stopping` claims nothing below
-SAMPLES = 1024  # of the joint inputs, Sobol'
-JUDGED = (("peak", "eta"), ("critical", "eta"), ("critical", "e"))
 
 
 @dataclass(frozen=True)
@@ -54,6 +51,8 @@ def next_step(config: Config, folder: Path, rows: list[Row], say: Callable = pri
     """
     if not config.pdem.stop_when:
         return Step(frozenset(), True)
+    from analysis import stopping
+
     note = _read_note(config, folder, rows) or _begin(config, folder, rows)
     points = len(note["order"])
     while not note["reached"] and note["used"] <= points:
@@ -65,7 +64,7 @@ def next_step(config: Config, folder: Path, rows: list[Row], say: Callable = pri
             write_json(folder / NOTE, note)
         if note["reached"] or note["used"] == points:
             break
-        note = note | {"used": min(points, note["used"] + max(2, round(points / 12)))}
+        note = note | {"used": stopping.next_batch(note["used"], points)}
         write_json(folder / NOTE, note)
     return Step(_others(rows, _needed(rows, note)), True)
 
@@ -91,7 +90,7 @@ def _begin(config: Config, folder: Path, rows: list[Row]) -> dict:
     ids = np.array(sorted(inputs))
     order = ids[stopping.nested_order([inputs[k] for k in ids])].tolist()
     note = {"runs": _digest(rows), "target": config.pdem.stop_when, "order": order, "claimed": {}, "reached": False,
-            "used": min(len(order), max(LEAST, math.ceil(len(order) / 8))), "history": []}  # fmt: skip
+            "used": stopping.first_batch(len(order)), "history": []}  # fmt: skip
     write_json(folder / NOTE, note)
     return note
 
@@ -99,7 +98,6 @@ def _begin(config: Config, folder: Path, rows: list[Row]) -> dict:
 def _judge(config: Config, folder: Path, needed: list[Row], note: dict, say: Callable) -> dict:
     """The note with one more judgement, of the points used so far."""
     import numpy as np
-    from scipy.stats import qmc
 
     from analysis import stopping
     from analysis.joint import Joint
@@ -107,7 +105,7 @@ def _judge(config: Config, folder: Path, needed: list[Row], note: dict, say: Cal
     used = note["order"][: note["used"]]
     inputs = _inputs(needed)
     joint = Joint.from_dict(read_json(folder / "inputs.json")["joint"])
-    samples = joint.inverse_rosenblatt(qmc.Sobol(2, seed=1).random(SAMPLES))
+    samples = stopping.judged_samples(joint)
     found = stopping.assess(
         np.array([inputs[k] for k in used]), _responses(folder, needed, used), samples, note["target"]
     )
@@ -124,6 +122,8 @@ def _responses(folder: Path, needed: list[Row], used: list[int]) -> dict:
     """
     import numpy as np
 
+    from analysis.stopping import JUDGED, judged_name
+
     shear = [row for row in needed if row.stage == "shear"]
     family = "coupled" if any(row.family == "coupled" for row in shear) else shear[0].family
     place = {point: q for q, point in enumerate(used)}
@@ -132,7 +132,7 @@ def _responses(folder: Path, needed: list[Row], used: list[int]) -> dict:
         path = folder / row.product
         values = _states(path, path.stat().st_mtime_ns) if path.exists() else {}
         for state, symbol in JUDGED:
-            name = f"{symbol} at {state}, mu_iso = {row.mu_iso:g}"
+            name = judged_name(state, symbol, row.mu_iso)
             sums.setdefault(name, np.zeros(len(used)))
             counts.setdefault(name, np.zeros(len(used)))
             if (state, symbol) in values:
@@ -147,6 +147,7 @@ def _states(path: Path, changed: int) -> dict:
     """{(state, symbol): value} of one shear product; `changed`: its time, so that a new one is read anew."""
     from analysis.run_states import run_states
     from analysis.runfile import read_run
+    from analysis.stopping import JUDGED
 
     found = run_states(read_run(path)).states
     return {(state, symbol): found[state][symbol] for state, symbol in JUDGED}

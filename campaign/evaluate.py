@@ -70,6 +70,21 @@ def report(config: Config, folder: Path) -> str:
     return f"{folder.name}: {path}"
 
 
+def report_of_file(results: Path, folder: Path) -> str:
+    """Tables, figures and report.html of a results file into a folder; returns a line that tells what was done.
+
+    Needs nothing else of the campaign.  Raises analysis.results.ResultsError for a file that cannot be used.
+    """
+    from analysis import tables
+    from analysis.report import write_report
+    from analysis.results import read_results
+
+    opened = read_results(results)
+    folder.mkdir(parents=True, exist_ok=True)
+    written = tables.write_tables(opened, folder)
+    return f"{results}: {len(written)} tables and {write_report(opened, folder)}"
+
+
 def plan_frame(folder: Path, rows: list[Row], spared: frozenset[str] = frozenset()):
     """The plan as the analysis takes it: one line a run, the product's full path, status "spared" where none is due."""
     import pandas as pd

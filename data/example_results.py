@@ -1,6 +1,6 @@
 """How to use a campaign's results.h5 alone: numbers, a probability, and a figure in thirty lines.
 
-/usr/bin/python3 data/example_results.py runs/demo/results.h5 example.png
+/usr/bin/python3 data/example_results.py data/laptop/results.h5 example.png
 """
 
 from __future__ import annotations
@@ -25,13 +25,14 @@ def main(path, picture):
     results = read_results(path)
     print(f"{len(results.points)} points, densities mu_iso = {results.densities}, strains to {results.strain[-1]:.2f}")
     figure, axis = plt.subplots(figsize=(5, 3.5), layout="constrained")
-    for mu_iso in results.densities:
-        eta = results.response("eta", mu_iso)  # eta.values (strain, point), eta.probability (point,)
-        critical = results.state("critical", "eta", mu_iso)  # one value a point
-        density = pdem.state_density(critical, results.weights(mu_iso))
+    family = results.families[-1]  # "coupled", or with mu_s fixed "G_p" alone
+    for mu_iso in results.family_densities(family):
+        eta = results.response("eta", mu_iso, family)  # eta.values (strain, point), eta.probability (point,)
+        critical = results.state("critical", "eta", mu_iso, family)  # one value a point
+        density = pdem.state_density(critical, results.weights(mu_iso, family))
         print(f"mu_iso = {mu_iso:g}: eta at the end {eta.mean[-1]:.3f} +- {eta.std[-1]:.3f}, "
               f"probability of a critical eta above 0.6: {density.exceedance(0.6)[0]:.2f}")  # fmt: skip
-        axis.plot(results.points["mu_s"], critical, "o", label=f"$\\mu_{{iso}}$ = {mu_iso:g}")
+        axis.plot(results.family_points(family)["mu_s"], critical, "o", label=f"$\\mu_{{iso}}$ = {mu_iso:g}")
     axis.set(xlabel=QUANTITIES["mu_s"].label, ylabel="Critical " + QUANTITIES["eta"].label)
     axis.legend()
     figure.savefig(picture)

@@ -2,15 +2,19 @@
 
 import json
 import resource
+import shutil
 
 import h5py
 import numpy as np
 import pytest
+import synthetic_results
 from campaign_cases import finish, make_small, needs_batch
 
+from analysis.figures import FIGURES
 from analysis.results import read_results
 from analysis.triaxial import stress_ratio
 from campaign import evaluate
+from campaign.__main__ import main
 from campaign.products import recorded_sums
 
 
@@ -130,6 +134,27 @@ def test_report_is_written_once_for_the_same_results(tmp_path, monkeypatch):
     (folder / "results.h5").write_bytes(b"other results")
     assert "up to date" not in evaluate.report(None, folder)
     assert len(written) == 2
+
+
+def test_a_results_file_alone_gives_the_same_report_wherever_it_lies(tmp_path, monkeypatch, capsys):
+    """Tables, pictures and page, byte by byte; two figures stand for all, which data/laptop compares."""
+    for name in set(FIGURES) - {"fig02_data_marginals", "fig10_coordination"}:
+        monkeypatch.delitem(FIGURES, name)
+    written = []
+    for place in (tmp_path / "one", tmp_path / "other"):
+        place.mkdir()
+        copy = shutil.copyfile(synthetic_results.example(noise=0.02), place / "results.h5")
+        assert main(["report", str(copy)]) == 0
+        assert "14 tables" in capsys.readouterr().out
+        written.append({str(p.relative_to(place)): p.read_bytes() for p in place.rglob("*") if p.is_file()})
+    assert written[0] == written[1]
+    assert {"report.html", "tables/claims.csv", "figures/fig10_coordination.png"} < set(written[0])
+
+
+def test_a_results_file_that_is_none_ends_in_one_line(tmp_path, capsys):
+    (tmp_path / "results.h5").write_text("nothing")
+    assert main(["report", str(tmp_path / "results.h5")]) == 2
+    assert capsys.readouterr().err.count("\n") == 1 and not (tmp_path / "tables").exists()
 
 
 @pytest.mark.long

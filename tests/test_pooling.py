@@ -59,3 +59,36 @@ def test_noise_is_found(tmp_path):
         scatter.var() / (scatter.var() + exact.var()), rel=0.5
     )
     assert frame.loc[("critical", "eta"), "noise"] > 0.1
+
+
+def test_differences_are_those_of_the_moments_over_the_spread(results):
+    row = pooling.monte_carlo_check(results, power=12).set_index(["state", "quantity"]).loc[("critical", "eta")]
+    noisy = row["sd, Monte Carlo with noise"]
+    assert noisy >= row["sd, Monte Carlo"]
+    assert row["difference of mean"] == pytest.approx((row["mean"] - row["mean, Monte Carlo"]) / noisy)
+    assert row["difference of sd"] == pytest.approx(row["sd"] / noisy - 1)
+    assert row["difference of 95%"] == pytest.approx((row["95%"] - row["95%, Monte Carlo"]) / noisy)
+
+
+def test_densities_along_strain_come_close_to_monte_carlo(results):
+    frame = pooling.monte_carlo_along(results, power=12).set_index("quantity")
+    assert set(frame.index) == {"eta", "e", "e_m", "Z", "Z_m", "Phi_dev"}
+    joint = Joint.from_dict(results.inputs["joint"])
+    drawn = synthetic.critical_eta(joint.sample(100_000, np.random.default_rng(2))[:, 0])
+    end = results.response("eta", 0.04)
+    off = abs(end.mean[-1] - drawn.mean()) / drawn.std()
+    assert frame.loc["eta", "mean"] > 0.8 * off  # the largest over strain is no less than that at the end
+    assert (frame["PDF, average"] <= frame["PDF"]).all() and (frame["PDF"] < 0.5).all()
+
+
+def test_bands_hold_the_value_and_the_pairs_make_most_of_them_without_noise(results):
+    frame = pooling.moment_bands(results, n_boot=60).set_index(["state", "quantity"])
+    for name in ("mean", "sd"):
+        assert ((frame[f"{name}, from"] < frame[name]) & (frame[name] < frame[f"{name}, to"])).all()
+    row = frame.loc[("critical", "e")]
+    assert row["from runs"] < 0.05
+    mean = synthetic.void_ratio(0.4, Joint.from_dict(results.inputs["joint"]).sample(
+        100_000, np.random.default_rng(3))[:, 0], 0.04).mean()  # fmt: skip
+    assert row["mean, from"] < mean < row["mean, to"]
+    half = 0.5 * (row["mean, to"] - row["mean, from"])
+    assert half == pytest.approx(1.96 * row["sd"] / np.sqrt(94), rel=0.3)

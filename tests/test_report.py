@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import pandas as pd
 import pytest
 import synthetic_results as synthetic
 
-from analysis import report, report_text, trust, webpage, weighted
+from analysis import report, report_text, report_trust, trust, webpage, weighted
 from analysis.figures import FIGURES
 from analysis.responses import build_results
 from analysis.results import read_results
@@ -94,8 +95,9 @@ def test_failures_and_early_stops_are_said_with_their_numbers(tmp_path):
     lost = float(points["probability"][points["id"] == 3].iloc[0])
     assert losses["lost probability"].to_numpy() == pytest.approx(lost)
     counts = trust.run_counts(results).set_index("stage")
-    assert list(counts.loc["shear", ["planned", "done", "failed", "steady early"]]) == [18, 15, 3, 3]
-    assert counts.loc["shear", "hours"] == pytest.approx(15 * 2.0 / 3600)
+    names = ["planned", "done", "failed", "spared", "steady early"]
+    assert list(counts.loc["shear", names]) == [18, 15, 3, 0, 3] and list(counts.loc["all", names]) == [39, 36, 3, 0, 3]
+    assert counts.loc["shear", "core-hours"] == pytest.approx(15 * 2.0 / 3600)
 
 
 def test_noise_and_widths_are_told(results):
@@ -107,12 +109,28 @@ def test_noise_and_widths_are_told(results):
     assert 0 < widths.loc[(0.04, "eta"), "width shown"] < widths.loc[(0.04, "eta"), "spread of points"]
 
 
-def test_packing_scatter_is_the_spread_between_packings(tmp_path):
-    plan, points, settings = synthetic.make_campaign(tmp_path, n=2, noise=0.02, packings=(1, 2, 3))
-    results = read_results(build_results(tmp_path, plan, points, settings))
-    sets = results.state_replicates("critical", "eta", 0.1)
-    exact = (sets.var(axis=0, ddof=1).mean()) ** 0.5
-    assert trust.packing_scatter(results, "critical", "eta", 0.1) == pytest.approx(exact)
+def test_the_report_says_what_the_runs_used_and_which_setting_was_asked_for(results):
+    text = report_text.accuracy(results)
+    assert "none by name" in text and "27 spheres" in text and "inertial number 0.001" in text and "0.8" in text
+    named = replace(results, attrs=results.attrs | {"config": '[dem]\naccuracy = "5%"\n'})
+    assert "the 5% setting" in report_text.accuracy(named)
+
+
+def test_tables_beside_the_results_are_shown(results, tmp_path):
+    alone = replace(results, path=tmp_path / "results.h5")
+    assert "<table" not in report_trust.other_runs(alone)
+    ladder = {"against": ["N = 2000", "N = 8000"], "response": ["eta_peak"] * 2, "bias (%)": [0.5, 1.2345],
+              "± (%)": [0.1, 0.2], "scatter, laptop (%)": [2.5, 2.5], "scatter, rung (%)": [1.75, None],
+              "promised (%)": [2, 2], "bias within": ["yes", "yes"], "failed": [0, 1]}  # fmt: skip
+    pd.DataFrame(ladder).to_csv(tmp_path / "fidelity.csv", index=False)
+    rest = {"case": ["gap graded", "own pair a grain"], "response": ["eta"] * 2, "state": ["peak"] * 2,
+            "difference (%)": [-3.25, 0.5], "scatter between draws (%)": [None, 1.25],
+            "scatter between packings (%)": [2.25, 2.25], "failed": [0, 0]}  # fmt: skip
+    pd.DataFrame(rest).to_csv(tmp_path / "beyond.csv", index=False)
+    shown = report_trust.other_runs(alone)
+    for text in ("+1.2 ± 0.2, yes", "1 chains failed", ">2.5<", ">1.8<", "-3.2", "+0.5", ">1.2<", "eta, peak"):
+        assert text in shown
+    assert Page(shown).open == [] and shown.count("<table") == 3
 
 
 def test_the_proofs_name_their_worst_run(results):

@@ -1,0 +1,143 @@
+"""Beyond the paper: other gradings, and grains that each have properties of their own, at a few points.
+
+    python3 tests/benchmarks/bench_beyond.py --cost     what it would cost, nothing is run
+    python3 tests/benchmarks/bench_beyond.py            what is missing (some 25 minutes of CPU; resumable)
+    python3 tests/benchmarks/bench_beyond.py --table    only the table from the rows there are
+
+1,000 spheres, medium density (mu_iso = 0.04).  Gradings: the standard one against a
+well-graded one (Fuller, largest over smallest 4) and a gap-graded one (a quarter fines, medians 2.2 apart), at two
+points, one packing each.  Properties: three specimens in one packing whose grains draw their own pairs from the fitted
+joint distribution, against three packings of specimens that have one pair, the medians.  Rows go to
+data/benchmarks/beyond.csv as they finish; data/laptop/beyond.csv, which the report shows, compares them.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pandas as pd
+from bench_rows import append, finished
+from chain_rows import MEASURED, NAMES, RESPONSES, Chain, cpu_seconds, row
+from dem_runs import BUILD, D50, ROOT, SIGMA_LN, digest
+
+from analysis import inputs, joint
+from analysis.assembly import diameters, make_assembly, write_assembly
+from analysis.quantities import QUANTITIES
+from campaign.config import read_config
+
+ROWS = ROOT / "data" / "benchmarks" / "beyond.csv"
+TABLE = ROOT / "data" / "laptop" / "beyond.csv"
+N, MU_ISO = 1000, 0.04
+SHEAR = {"inertial_number": 2.4e-3, "strain_end": 0.30, "timestep_factor": 1.0}
+POINTS = {"median": (0.214, 25.7e9), "rough": (0.38, 18e9)}
+STANDARD = "standard grading"
+GRADINGS = {STANDARD: ("lognormal", {}), "well graded": ("well_graded", {"size_ratio": 4.0}),
+            "gap graded": ("gap_graded", {"size_ratio": 2.2})}  # fmt: skip
+ONE_PAIR, OWN_PAIRS = "one pair a specimen", "own pair a grain"
+COLUMNS = ("scripts", "case", "point", "packing", "draw", "mu_s", "G_p", *MEASURED)
+KEY = ("scripts", "case", "point", "packing", "draw")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cost", action="store_true", help="predict the CPU time of what is missing, and stop")
+    parser.add_argument("--table", action="store_true", help="only the table from the rows there are")
+    args = parser.parse_args()
+    done = finished(ROWS, KEY)
+    missing = [] if args.table else [(case, chain) for case, chain in cases() if _key(case) not in done]
+    if args.cost:
+        minutes = cpu_seconds([chain for _, chain in missing]) / 60
+        print(f"{len(missing)} chains missing, {minutes:.1f} CPU-minutes predicted")
+        return
+    for case, chain in missing:
+        append(ROWS, COLUMNS, case | row(chain))
+    rows = pd.read_csv(ROWS)
+    table = compared(rows[rows.scripts == rows.scripts.iloc[-1]])
+    TABLE.parent.mkdir(parents=True, exist_ok=True)
+    table.to_csv(TABLE, index=False, float_format="%.4g")
+    print(table.to_string(index=False, float_format=lambda v: f"{v:.3g}"))
+
+
+def cases():
+    """(columns of the row, chain) of every case, the cheapest first."""
+    for name, (distribution, shape) in GRADINGS.items():
+        for point in POINTS:
+            yield _case(name, point, 1, 0, _assembly(distribution, shape, 1), finer=_finer(distribution, shape))
+    for packing in (1, 2, 3):
+        yield _case(ONE_PAIR, "median", packing, 0, _assembly(*GRADINGS[STANDARD], packing))
+    for draw in (1, 2, 3):
+        swapped = {"heterogeneity": "grain", "grains": _grains(draw)}
+        yield _case(OWN_PAIRS, "median", 1, draw, _assembly(*GRADINGS[STANDARD], 1), swapped=swapped)
+
+
+def compared(rows: pd.DataFrame) -> pd.DataFrame:
+    """Per case and response: means over the runs, their difference in %, and what draws and packings scatter by.
+
+    Gradings are compared with the standard one at the same points, own pairs with one pair at the medians; the scatter
+    between packings is that of specimens of one pair.  In shown units.
+    """
+    good, out = rows[rows.failure.isna()], []
+    one = good[good.case == ONE_PAIR]
+    for name in dict.fromkeys(good.case):
+        if name in (STANDARD, ONE_PAIR):
+            continue
+        own = good[good.case == name]
+        against = one if name == OWN_PAIRS else good[(good.case == STANDARD) & good.point.isin(own.point)]
+        for (symbol, state), response in zip(RESPONSES, NAMES, strict=True):
+            mean, other = own[response].mean(), against[response].mean()
+            factor, unit = QUANTITIES[symbol].shown_factor, QUANTITIES[symbol].shown_unit
+            out.append({"case": name, "against": ONE_PAIR if name == OWN_PAIRS else STANDARD, "state": state,
+                        "response": symbol + (f" ({unit})" if unit else ""),
+                        "runs": len(own), "mean": factor * mean, "mean of the other": factor * other,
+                        "difference (%)": 100 * (mean / other - 1),
+                        "scatter between draws (%)": 100 * own[response].std() / mean if name == OWN_PAIRS else np.nan,
+                        "scatter between packings (%)": 100 * one[response].std() / one[response].mean(),
+                        "failed": int(rows[rows.case == name].failure.notna().sum())})  # fmt: skip
+    return pd.DataFrame(out)
+
+
+def _case(name, point, packing, draw, assembly, swapped=None, finer=1.0):
+    mu_s, G_p = POINTS[point]
+    case = {"case": name, "point": point, "packing": packing, "draw": draw, "mu_s": mu_s, "G_p": G_p}
+    return case, Chain(assembly, N, packing, MU_ISO, mu_s, G_p, SHEAR, swapped or {}, finer)
+
+
+def _key(case):
+    return (digest(), case["case"], case["point"], str(case["packing"]), str(case["draw"]))
+
+
+def _assembly(distribution, shape, seed) -> Path:
+    """The assembly file of a grading and seed, made when missing."""
+    words = "_".join([distribution, *(f"{value:g}" for value in shape.values())])
+    path = BUILD / f"beyond_{words}_{N}_{seed}.h5"
+    if not path.exists():
+        attrs = {"N": N, "seed": seed, "sigma_ln": SIGMA_LN}
+        write_assembly(path, make_assembly(N, D50, SIGMA_LN, seed, distribution, **shape), attrs)
+    return path
+
+
+def _finer(distribution, shape) -> float:
+    """How many times smaller than in the standard grading the smallest grain is: the time step goes with it."""
+    return diameters(N, D50, SIGMA_LN)[0] / diameters(N, D50, SIGMA_LN, distribution, **shape)[0]
+
+
+def _grains(draw: int) -> Path:
+    """A file with one pair (mu_s, G_p) a grain, drawn from the joint distribution that the laptop's pairs give."""
+    path = BUILD / f"beyond_grains_{N}_{draw}.h5"
+    if not path.exists():
+        config = read_config(ROOT / "campaign" / "laptop.toml")
+        pairs = inputs.read_pairs(config.pairs_path)
+        fitted = joint.fit_joint(pairs, copula_families=config.inputs.copulas, n_boot=19, seed=config.inputs.seed).joint
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part = path.with_suffix(".part")
+        with h5py.File(part, "w") as file:
+            file["mu_s"], file["G_p"] = fitted.sample(N, np.random.default_rng([draw, N])).T
+        part.replace(path)
+    return path
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,90 @@
+"""The laptop campaign in the repository: its figures and tables are those of its results file."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from importlib import metadata
+from pathlib import Path
+
+import h5py
+import pandas as pd
+import pytest
+import synthetic_results as synthetic
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "data"))
+
+import make_laptop  # noqa: E402
+
+from analysis import runfile  # noqa: E402
+from analysis.figures import write_figures  # noqa: E402
+from analysis.results import read_results  # noqa: E402
+from analysis.tables import write_tables  # noqa: E402
+
+LAPTOP = ROOT / "data" / "laptop"
+needs_laptop = pytest.mark.skipif(not (LAPTOP / "results.h5").exists(), reason="data/laptop holds no results yet")
+
+
+@needs_laptop
+@pytest.mark.long
+def test_the_committed_figures_are_those_of_the_results(tmp_path):
+    """To the last byte where matplotlib is the one they were drawn with; else that none is missing."""
+    results = read_results(LAPTOP / "results.h5")
+    drawn = write_figures(results, tmp_path)
+    assert {p.name for p in drawn} == {p.name for p in (LAPTOP / "figures").glob("*.png")}
+    if results.attrs["versions"]["matplotlib"] == metadata.version("matplotlib"):
+        assert [p.name for p in drawn if p.read_bytes() != (LAPTOP / "figures" / p.name).read_bytes()] == []
+
+
+@needs_laptop
+@pytest.mark.long
+def test_the_committed_tables_are_those_of_the_results(tmp_path):
+    paths = write_tables(LAPTOP / "results.h5", tmp_path)
+    pairs = [(pd.read_csv(path), pd.read_csv(LAPTOP / "tables" / path.name)) for path in paths]
+    for ours, kept in pairs:
+        pd.testing.assert_frame_equal(ours, kept, rtol=1e-4, atol=1e-9)
+
+
+@needs_laptop
+def test_the_results_are_small_and_every_run_has_a_product_or_a_reason():
+    assert (LAPTOP / "results.h5").stat().st_size <= make_laptop.LIMIT_MIB * 2**20
+    runs = read_results(LAPTOP / "results.h5").runs
+    assert set(runs["status"]) <= {"done", "failed", "spared"}
+    assert (runs.loc[runs["status"] != "done", "reason"].str.len() > 0).all()
+
+
+@needs_laptop
+def test_the_example_runs_are_one_chain():
+    stages = {run.stage: run for run in map(runfile.read_run, (LAPTOP / "example_runs").glob("*.h5"))}
+    assert set(stages) == {"consolidate", "probe", "shear"}
+    assert Path(stages["shear"].parameters["start"]).stem == stages["probe"].path.stem
+
+
+def test_filling_it_copies_results_and_one_chain_of_runs(tmp_path, monkeypatch):
+    plan, points, settings = synthetic.make_campaign(tmp_path / "run", n=3)
+    from analysis.responses import build_results
+
+    build_results(tmp_path / "run", plan, points, settings)
+    monkeypatch.setattr(make_laptop, "report_of_file", lambda results, folder: f"{results} {folder}")
+    target = tmp_path / "data" / "laptop"
+    make_laptop.main(tmp_path / "run", target)
+    kept = {path.stem for path in (target / "example_runs").glob("*.h5")}
+    middle = int(points.loc[(points["mu_s"] - points["mu_s"].median()).abs().idxmin(), "id"])
+    rest = {f"{stage}_coupled_{middle}_iso0.04_s1" for stage in ("probe", "shear")}
+    assert kept == {"consolidate_shared_-1_iso0.04_s1"} | rest
+    assert (target / "results.h5").read_bytes() == (tmp_path / "run" / "results.h5").read_bytes()
+
+
+def test_results_too_big_for_the_repository_are_refused(tmp_path, monkeypatch):
+    shutil.copyfile(synthetic.example(), tmp_path / "results.h5")
+    monkeypatch.setattr(make_laptop, "LIMIT_MIB", 0.01)
+    with pytest.raises(SystemExit, match="limit 0.01 MiB"):
+        make_laptop.main(tmp_path, tmp_path / "target")
+    assert not (tmp_path / "target").exists()
+
+
+def test_the_results_file_names_the_versions_that_made_it():
+    with h5py.File(synthetic.example()) as file:
+        assert "matplotlib" in json.loads(file.attrs["versions"])

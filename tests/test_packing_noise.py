@@ -1,0 +1,54 @@
+"""Noise of the packing: scatter between replicates, and the error that all points of a density share."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import synthetic_results as synthetic
+from scipy import stats
+
+from analysis import packing_noise
+from analysis.claim_numbers import drawn_sample, full_sample
+from analysis.responses import build_results
+from analysis.results import read_results
+
+
+@pytest.fixture(scope="module")
+def replicated(tmp_path_factory):
+    """Two points, three packings, 2 % noise."""
+    folder = tmp_path_factory.mktemp("replicated")
+    plan, points, settings = synthetic.make_campaign(folder, n=2, noise=0.02, packings=(1, 2, 3))
+    return read_results(build_results(folder, plan, points, settings))
+
+
+def test_packing_scatter_is_the_spread_between_packings(replicated):
+    sets = replicated.state_replicates("critical", "eta", 0.1)
+    exact = (sets.var(axis=0, ddof=1).mean()) ** 0.5
+    assert packing_noise.packing_scatter(replicated, "critical", "eta", 0.1) == pytest.approx(exact)
+
+
+def test_the_common_error_is_that_of_the_mean_between_packings_widened_for_few(replicated):
+    error, freedom = packing_noise.common_error(replicated, "critical", "eta")
+    sets = np.stack([replicated.state_replicates("critical", "eta", m) for m in synthetic.DENSITIES])
+    pooled = np.sqrt(sets.mean(axis=2).var(axis=1, ddof=1).mean())
+    assert freedom == 6
+    assert error == pytest.approx(pooled * stats.t.ppf(0.975, 6) / 1.959964) and error.shape == (3,)
+
+
+def test_without_replicates_one_run_stands_for_it():
+    results = read_results(synthetic.example(noise=0.02))
+    error, freedom = packing_noise.common_error(results, "critical", "eta")
+    exact = [np.sqrt(np.mean(results.state_error("critical", "eta", m) ** 2)) for m in synthetic.DENSITIES]
+    assert error == pytest.approx(exact) and np.isinf(freedom)
+    assert packing_noise.common_error(results, "probe", "G_0") == (pytest.approx(np.zeros(3)), 0)
+    assert np.isnan(packing_noise.packing_scatter(results, "critical", "eta", 0.1))
+
+
+def test_claims_shift_a_density_by_it(replicated):
+    """The drawn mean scatters by the common error about that of the points drawn."""
+    sample, rng = full_sample(replicated, "coupled"), np.random.default_rng(3)
+    error, _ = packing_noise.common_error(replicated, "critical", "eta")
+    values = np.stack([replicated.state("critical", "eta", m) for m in synthetic.DENSITIES])
+    drawn = [drawn_sample(sample, rng) for _ in range(400)]
+    shifts = np.array([(d.state("critical", "eta") - values[:, d.index]).mean(axis=1) for d in drawn])
+    assert shifts.std(axis=0) == pytest.approx(error, rel=0.15)
