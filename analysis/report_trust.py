@@ -33,8 +33,11 @@ def sources(results):
             "surface, in % of its standard deviation with noise",
             stack=True,
         )
-        + webpage.table(along, "PDEM against Monte Carlo along strain beyond 1 %: largest differences in % of the "
-                        "standard deviation; PDF: Wasserstein distance")  # fmt: skip
+        + webpage.table(
+            along,
+            "PDEM against Monte Carlo along strain beyond 1 %: largest differences in % of the "
+            "standard deviation; PDF: Wasserstein distance",
+        )  # fmt: skip
     )
 
 

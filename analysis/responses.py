@@ -39,7 +39,7 @@ def build_results(folder, plan, points, settings=None) -> Path:
     seed, discrepancy ...), versions (dict),
     max_lost_probability (0.05), density_method ("exact" or "tvd"), bandwidth (None: chosen from the data), cells (400),
     input_bootstrap (0): resamplings of the pairs under which the points get other probabilities, for bands
-    (points without a family column only).
+    (where the joint distribution is given and the points have no family column).
 
     Raises ResponsesError or runfile.RunFileError, and writes nothing, if a product is missing, truncated or was run
     with other parameters than the plan's, or if failed runs take more than max_lost_probability from a density.
@@ -84,7 +84,7 @@ def _write_head(file, points, settings, strain, groups, grains):
                "joint": settings.get("joint", {})}  # fmt: skip
     for name, value in content.items():
         inputs.attrs[name] = json.dumps(value, default=_jsonable)
-    if settings["input_bootstrap"] and "family" not in points:
+    if settings["input_bootstrap"] and settings.get("joint") and "family" not in points:
         joint = settings["joint"]
         joint = joint if isinstance(joint, Joint) else Joint.from_dict(joint)
         x = points[["mu_s", "G_p"]].to_numpy()

@@ -2,7 +2,7 @@
 
     python3 tests/benchmarks/bench_protocol.py overhead     CPU time of a shear run over a bare loop's (2 minutes)
     python3 tests/benchmarks/bench_protocol.py servo        sigma_3 held, for N from 500 to 8,000 (15 minutes)
-    python3 tests/benchmarks/bench_protocol.py friction     critical state, seven mu_s and three densities (half an hour)
+    python3 tests/benchmarks/bench_protocol.py friction     critical state, seven mu_s, three densities (half an hour)
     python3 tests/benchmarks/bench_protocol.py roundoff     the same runs in double and in long double (5 minutes)
 
 Times are CPU times of one core; runs that are there are not repeated.  Each writes data/benchmarks/protocol_<word>.csv.
