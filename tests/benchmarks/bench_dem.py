@@ -132,7 +132,7 @@ def add_row(setting: str, packing: int, mu_iso: float, point: str) -> None:
         row |= {"probe_steps": int(probe.timing["steps"]), "probe_cpu_seconds": float(probe.timing["cpu_seconds"])}
         row["particle_steps"] = row["steps"] * values["N"]
         row |= {k: float(shear.proofs[k]) for k in ("energy_error", "servo_mean_error", "servo_max_error")}
-        row["G_0"] = float(probe.probe["G_0"])
+        row["G_0"] = run_states(probe).states["probe"]["G_0"]
         row |= {f"{s}_{state}": float(states[state][s]) for state, names in RESPONSES.items() for s in names}
     except RunFailed as error:
         row["failure"] = str(error)
