@@ -66,10 +66,13 @@ def rungs(config: Config) -> dict[str, tuple[dict, tuple[int, ...]]]:
     """Rung -> (its settings, its packings), the lowest and cheapest first."""
     base = {"N": config.assembly.N, "inertial_number": config.shear.inertial_number,
             "strain_end": config.shear.strain_end, "timestep_factor": config.dem.timestep_factor,
-            "damping": config.dem.damping, "stiffness_scale": config.dem.stiffness_scale}  # fmt: skip
+            "damping": config.dem.damping, "stiffness_scale": config.dem.stiffness_scale,
+            "density_scaling": int(config.dem.density_scaling)}  # fmt: skip
     out = {BASE: (base, (1, 2, 3, 4))}
     if base["stiffness_scale"] < 1.0:
         out["full stiffness"] = (base | {"stiffness_scale": 1.0}, (1, 2))
+    finer = {"density_scaling": 0, "timestep_factor": base["timestep_factor"] / 2}
+    out["own inertia, half the step"] = (base | finer, (1, 2))
     out["rate / 2"] = (base | {"inertial_number": base["inertial_number"] / 2}, (1, 2))
     for N, packings in ((2000, (1, 2)), (4000, (1,)), (8000, (1,))):
         if base["N"] < N:

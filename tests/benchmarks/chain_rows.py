@@ -71,7 +71,7 @@ def cpu_seconds(chains: list[Chain]) -> float:
     runs = {}
     for chain in chains:
         for stage, values in chain.stages().items():
-            asked = {"sigma_3": SIGMA_3, "stiffness_scale": 1.0} | values
+            asked = {"sigma_3": SIGMA_3, "stiffness_scale": 1.0, "density_scaling": 1} | values
             steps = predicted_steps(stage, asked) * chain.finer
             kept = sorted((k, str(v)) for k, v in values.items())
             start = () if stage == "consolidate" else (chain.assembly, chain.mu_iso)
