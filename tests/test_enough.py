@@ -33,7 +33,7 @@ class Case:
         self.rows = synthetic_runs.planned(self.config, self.folder, n)
         write_plan(self.rows, self.folder)
         told = json.loads((self.folder / "inputs.json").read_text())
-        told["joint"] = JOINT.to_dict()
+        told |= {"joint": JOINT.to_dict(), "pairs": np.asarray(INPUTS["pairs"]).tolist()}
         (self.folder / "inputs.json").write_text(json.dumps(told))
         self.batches, self.said = [], []
 
@@ -56,7 +56,8 @@ class Case:
         return campaign_status(self.config, self.folder, self.rows)["counts"]["total"]
 
 
-JOINT = synthetic.settings()["joint"]
+INPUTS = synthetic.settings()
+JOINT = INPUTS["joint"]
 
 
 def write_product(folder, row, noise):

@@ -75,7 +75,7 @@ def test_shear_proves_servo_rate_and_energy(folder):
     assert np.abs(run.record["servo_mean"][late]).max() < 0.01
     assert run.record["servo_max"][late].max() < 0.05
     assert run.record["I"].max() < 2.5e-3
-    assert run.proofs["energy_error"] < 0.005
+    assert run.proofs["energy_error"] < 0.01
     eta = stress_ratio(run.record["sigma"])
     assert abs(eta[0]) < 0.01 and 0.4 < eta[-1] < 1.4
     np.testing.assert_allclose(run.record["eps_a"][-1], 0.02, atol=0.002)
@@ -119,7 +119,7 @@ def test_a_killed_run_goes_on_from_its_checkpoint(folder):
     assert done.returncode == 0, done.stderr
     run = read_run(folder / "killed.h5")
     assert run.attrs["resumed"] == 1 and not (folder / "killed.checkpoint").exists()
-    assert np.all(np.diff(run.record["eps_a"]) > 0) and run.proofs["energy_error"] < 0.005
+    assert np.all(np.diff(run.record["eps_a"]) > 0) and run.proofs["energy_error"] < 0.01
 
 
 @pytest.mark.parametrize(
