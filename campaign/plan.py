@@ -26,6 +26,8 @@ PARTICLE_STEPS_PER_CPU_SECOND = 0.9e6
 SECONDS_PER_START = 1.5
 #: How much larger the step is with `dem.density_scaling` (shear runs at N = 1,000, three G_p: 1.83 to 1.85).
 BALANCED_STEP = 1.85
+#: Friction above which shear takes smaller steps (yade_scripts/rve.py).
+FULL_STEP_FRICTION = 0.3
 RETRY_STEP = 0.5
 
 
@@ -138,6 +140,7 @@ def predicted_steps(stage: str, values: dict) -> float:
     stiff = (values["G_p"] * values["stiffness_scale"] / values["sigma_3"]) ** (1.0 / 3.0)
     step = values["timestep_factor"] / 0.8 * (BALANCED_STEP if values["density_scaling"] else 1.0)
     if stage == "shear":
+        step *= FULL_STEP_FRICTION / max(FULL_STEP_FRICTION, values["mu_s"])
         return 8.0 * values["strain_end"] / values["inertial_number"] * stiff / step
     return {"consolidate": 900.0, "probe": 150.0}[stage] * stiff / step
 

@@ -88,11 +88,12 @@ def test_costliest_rows_come_first_in_each_stage():
 
 def test_predicted_steps_follow_the_cost_law():
     values = {"G_p": 25.7e9, "sigma_3": 1e5, "stiffness_scale": 1.0, "timestep_factor": 0.8, "strain_end": 0.4,
-              "inertial_number": 1e-4, "density_scaling": 0}  # fmt: skip
+              "inertial_number": 1e-4, "density_scaling": 0, "mu_s": 0.25}  # fmt: skip
     assert predicted_steps("shear", values) == pytest.approx(2.03e6, rel=0.01)
     assert predicted_steps("shear", values | {"inertial_number": 1e-3}) == pytest.approx(2.03e5, rel=0.01)
     assert predicted_steps("shear", values | {"G_p": 8 * 25.7e9}) == pytest.approx(4.07e6, rel=0.01)
     assert predicted_steps("shear", values | {"timestep_factor": 1.6}) == pytest.approx(1.02e6, rel=0.01)
+    assert predicted_steps("shear", values | {"mu_s": 0.6}) == pytest.approx(4.07e6, rel=0.01)
     assert predicted_steps("shear", values | {"density_scaling": 1}) == pytest.approx(1.10e6, rel=0.01)
 
 
