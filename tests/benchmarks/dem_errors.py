@@ -10,8 +10,9 @@ import pandas as pd
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+from scipy.stats import t
 
-REFERENCE, CASE = "reference", ["packing", "mu_iso", "point"]
+REFERENCE, BASE, CASE = "reference", "base", ["packing", "mu_iso", "point"]
 #: Responses as in spec section 2 and how their error is shown: relative to the reference's mean.
 RESPONSES = (
     "eta_peak",
@@ -32,33 +33,37 @@ def summarise(path: Path) -> pd.DataFrame:
     """Write dem_errors.csv and dem_errors.png beside the rows; returns the table of errors."""
     rows = pd.read_csv(path, keep_default_na=True)
     rows = rows[rows.scripts == rows.scripts.iloc[-1]]
-    table = errors(rows)
+    table = pd.concat([errors(rows, REFERENCE), errors(rows, BASE)])
     table.to_csv(path.with_name("dem_errors.csv"), index=False, float_format="%.5g")
-    draw(table, path.with_name("dem_errors.png"))
+    draw(table[table.against == REFERENCE], path.with_name("dem_errors.png"))
     print(table.to_string(index=False, float_format=lambda v: f"{v:.4g}"))
     return table
 
 
-def errors(rows: pd.DataFrame) -> pd.DataFrame:
-    """Per setting and response: cases, bias (relative, paired), its 95 % half width, scatter, cost.
+def errors(rows: pd.DataFrame, against: str) -> pd.DataFrame:
+    """Per setting and response, `against` another setting: cases, relative bias, its 95 % half width, scatter, cost.
 
     A pair is the same packing, density and point.  The critical state forgets its packing, so that
     pairing helps little there; the half width says so.
     """
     good = rows[rows.failure.isna()]
-    base = good[good.setting == REFERENCE].set_index(CASE)
+    base = good[good.setting == against].set_index(CASE)
     out = []
     for setting in dict.fromkeys(rows.setting):
+        if setting == against:
+            continue
         some = good[good.setting == setting].set_index(CASE)
         common = some.index.intersection(base.index)
         for name in RESPONSES:
             if not len(common):
                 continue
             relative = (some.loc[common, name] - base.loc[common, name]) / base[name].mean()
-            half = 1.96 * relative.std(ddof=1) / np.sqrt(len(relative)) if len(relative) > 1 else np.nan
+            n = len(relative)
+            half = t.ppf(0.975, n - 1) * relative.std(ddof=1) / np.sqrt(n) if n > 1 else np.nan
             out.append(
                 {
                     "setting": setting,
+                    "against": against,
                     "response": name,
                     "cases": len(common),
                     "failed": int((rows.setting == setting).sum() - len(some)),
@@ -77,7 +82,7 @@ def errors(rows: pd.DataFrame) -> pd.DataFrame:
 def draw(table: pd.DataFrame, path: Path) -> None:
     """Largest |bias| of the main responses against particle-steps, with the Pareto front."""
     fig, ax = plt.subplots(figsize=(6.4, 4.2), constrained_layout=True)
-    main = table[table.response.isin(MAIN) & (table.setting != REFERENCE)]
+    main = table[table.response.isin(MAIN)]
     worst = main.assign(size=main.bias.abs()).sort_values("size").groupby("setting").last()
     ax.errorbar(
         worst.particle_steps,
