@@ -69,6 +69,29 @@ def test_record_agrees_with_the_snapshots(folder):
     np.testing.assert_allclose(run.record["sigma"][0], 0.5 * (start["sigma"] + start["sigma"].T), rtol=1e-9, atol=1e-3)
 
 
+def test_balanced_inertia_takes_larger_steps_to_the_same_stiffness(folder):
+    """The static answer does not know the grains' inertia; the step does."""
+    row = {"start": "consolidate.h5", "mu_s": MU_S, "G_p": G_P, "density_scaling": 0}
+    done = yade_runs.stage("probe", folder, description="own_inertia", **row)
+    assert done.returncode == 0, done.stderr
+    balanced, own = read_run(folder / "probe.h5"), read_run(folder / "own_inertia.h5")
+    for name in ("G_0", "K_0"):
+        assert balanced.probe[name] == pytest.approx(own.probe[name], rel=0.01), name
+    assert balanced.timing["dt_mean"] > 1.5 * own.timing["dt_mean"]
+
+
+def test_high_friction_takes_smaller_steps(folder):
+    rough = {"mu_s": 2 * MU_S, "G_p": G_P}
+    for stage, name, row in (
+        ("probe", "rough_rest", {"start": "consolidate.h5"} | rough),
+        ("shear", "rough", SHEAR | rough | {"start": "rough_rest.h5", "strain_end": 0.005}),
+    ):
+        done = yade_runs.stage(stage, folder, description=name, **row)
+        assert done.returncode == 0, done.stderr
+    rough, usual = read_run(folder / "rough.h5").timing, read_run(folder / "shear.h5").timing
+    assert rough["dt_mean"] < 0.75 * usual["dt_mean"]
+
+
 def test_shear_proves_servo_rate_and_energy(folder):
     run = read_run(folder / "shear.h5")
     late = run.record["eps_a"] > 0.01
