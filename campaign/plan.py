@@ -24,7 +24,7 @@ STAGES = ("consolidate", "probe", "shear")
 #: Measured on one core (Debian's YADE, periodic Hertz-Mindlin packing, servo on); see data/benchmarks.
 PARTICLE_STEPS_PER_CPU_SECOND = 0.9e6
 SECONDS_PER_START = 1.5
-#: How much larger the step is with `dem.density_scaling` (shear runs at N = 1,000, three G_p: 1.83 to 1.85).
+#: How much larger the step is with `dem.density_scaling` (shear runs at N = 1,000: 1.80 to 1.85).
 BALANCED_STEP = 1.85
 #: Friction above which shear takes smaller steps (yade_scripts/rve.py).
 FULL_STEP_FRICTION = 0.3

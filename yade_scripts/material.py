@@ -55,7 +55,7 @@ def swap(mu, G, nu: float, rho: float) -> float:
 
 
 def scale_modulus(factor: float) -> None:
-    """Multiply the shear modulus that all grains share, and so the constants of every contact, by a factor."""
+    """Multiply the constants of every contact, and the modulus of a material that all grains share, by a factor."""
     for material in O.materials:
         material.young *= factor
     for contact in O.interactions:
@@ -69,9 +69,9 @@ def _set(material, mu: float, G: float, nu: float, rho: float) -> None:
 
 
 def current_modulus() -> float:
-    """Shear modulus (Pa) of the first grain."""
-    material = O.bodies[0].material
-    return material.young / (2.0 * (1.0 + material.poisson))
+    """Shear modulus (Pa) of the grains, the geometric mean where each has its own."""
+    mean = math.exp(np.mean(np.log([body.material.young for body in O.bodies])))
+    return mean / (2.0 * (1.0 + O.bodies[0].material.poisson))
 
 
 def solid_volume() -> float:

@@ -51,11 +51,14 @@ def stiffen(p) -> None:
     after = float(np.exp(np.mean(np.log(target(p, p.mu_s)[1]))))
     if abs(after / before - 1.0) < 1e-3:
         return
-    length, begin_at = STIFFENING_TIMES * equilibrium.inertial_time(p), O.time
+    length, begin_at, reached = STIFFENING_TIMES * equilibrium.inertial_time(p), O.time, before
 
     def increment():
+        nonlocal reached
         done = min(1.0, (O.time - begin_at) / length)
-        scale_modulus(before * (after / before) ** done / current_modulus())
+        goal = before * (after / before) ** done
+        scale_modulus(goal / reached)
+        reached = goal
         if done == 1.0:
             O.pause()
 
