@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from analysis import runfile, stopping, weighted
-from analysis.run_states import RunStates, probe_asymmetry, run_states
+from analysis.run_states import RunStates, contacts_at_limit, probe_asymmetry, run_states
 
 COLUMNS = ("run_id", "stage", "family", "point", "packing", "mu_iso", "mu_s", "G_p", "product")
 CHECKED = {"consolidate": ("G_p", "mu_iso"), "shear": ("mu_s", "G_p", "mu_iso"), "probe": ("mu_s", "G_p", "mu_iso")}
@@ -92,6 +92,7 @@ def _read(row):
         states = run_states(run) if row.stage in STAGE_STATES else None
         shear = states if row.stage == "shear" else RunStates()
         line["probe_asymmetry"] = probe_asymmetry(run.probe)
+        line["probe_at_limit"] = contacts_at_limit(run) if row.stage == "probe" else np.nan
         line |= {name: float(run.parameters.get(name, np.nan)) if row.stage == "shear" else np.nan for name in SETTINGS}
         line |= {"N": int(run.parameters.get("N", 0)), "critical_from": shear.critical_from, "unsteady": shear.unsteady}
         return line, states
@@ -102,7 +103,7 @@ def _read(row):
     else:
         raise ResponsesError(f"run {row.run_id}: there is no product {path}")
     line |= dict.fromkeys(TIMES + PROOFS + SETTINGS, np.nan) | {"created": "", "yade_version": "", "script_digest": ""}
-    line |= {"probe_asymmetry": np.nan, "N": 0, "critical_from": np.nan, "unsteady": ""}
+    line |= {"probe_asymmetry": np.nan, "probe_at_limit": np.nan, "N": 0, "critical_from": np.nan, "unsteady": ""}
     return line, None
 
 

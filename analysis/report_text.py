@@ -10,7 +10,7 @@ from analysis import paper, weighted
 from analysis.claims import HELD, NOT_HELD, OPEN
 from analysis.packing_noise import common_error
 from analysis.quantities import QUANTITIES
-from analysis.run_states import SLIDING
+from analysis.run_states import AT_LIMIT, SLIDING, slides
 from analysis.tables import parameter
 
 SIGNS = {"mu_s": "μ_s", "G_p": "G_p", "e": "e", "e_m": "e_m", "Z": "Z", "Z_m": "Z_m", "eta": "η"}
@@ -243,12 +243,14 @@ def proof_notes(results) -> list[str]:
     unsteady = shear[shear["unsteady"] != ""]
     notes = [packing(results)]
     asymmetry = results.runs["probe_asymmetry"].dropna()
+    sliding = slides(asymmetry, results.runs.loc[asymmetry.index, "probe_at_limit"])
     if len(asymmetry):
         notes.append(
             f"The two signs of the small-strain probe give stiffnesses that differ by {asymmetry.median():.1%} in the "
             f"median and by {asymmetry.max():.1%} at most; where they differ, contacts slide within the probe. In "
-            f"{int((asymmetry > SLIDING).sum())} of {len(asymmetry)} probes by more than {SLIDING:.0%}: there the "
-            "static solve of the contact network gives the stiffness."
+            f"{int(sliding.sum())} of {len(asymmetry)} probes they differ by more than {SLIDING:.0%} or over "
+            f"{AT_LIMIT:.0%} of the contacts stand at the Coulomb limit from the start: there the static solve of the "
+            "contact network gives the stiffness."
         )
     if not len(unsteady):
         return [*notes, f"All {len(shear)} shear runs prove their critical state steady."]

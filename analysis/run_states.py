@@ -11,8 +11,9 @@ from analysis.quantities import RESPONSES
 from analysis.runfile import Run, RunFileError, read_snapshot
 
 INDICES = ("I_G", "I_G_active", "I_G_stress")
-#: Largest difference of the two signs of a probe that still counts as elastic.
-SLIDING = 0.05
+#: Largest difference of the two signs of a probe, and share of contacts at the Coulomb limit at rest, that still count
+#: as elastic: where mu_s is below the friction of consolidation both signs can be too soft alike (once by 61 %).
+SLIDING, AT_LIMIT = 0.05, 0.01
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class RunStates:
 def run_states(run: Run) -> RunStates:
     """Responses and states of a shear run, or the moduli of a probe run, all in SI units.
 
-    A probe in which contacts slide (its two signs differ by more than 5 %) gives way to the static solve of its contact
+    A probe in which contacts slide (`slides`) gives way to the static solve of its contact
     network, the elastic stiffness.  The initial state is the record's row at zero strain, the peak that of the smoothed
     stress ratio, the critical state the average of the last part (`analysis.triaxial`).  Grading indices come from the
     snapshots: the first, the one nearest to the peak, the last.  Raises runfile.RunFileError if something needed is
@@ -80,9 +81,22 @@ def probe_asymmetry(probe) -> float:
     return float(2 * abs(probe["G_0"] - probe["G_0_minus"]) / (probe["G_0"] + probe["G_0_minus"]))
 
 
+def contacts_at_limit(run) -> float:
+    """Share of contacts that stand at the Coulomb limit before the probe; NaN without snapshot or friction."""
+    if not run.snapshots or "mu_s" not in run.parameters:
+        return np.nan
+    s = read_snapshot(run, 0)
+    return micromechanics.sliding_fraction(s.f_n, s.f_t, float(run.parameters["mu_s"]))
+
+
+def slides(asymmetry, at_limit):
+    """Whether contacts slide in a probe (numbers or arrays), so that it does not give the elastic stiffness."""
+    return (np.asarray(asymmetry) > SLIDING) | (np.asarray(at_limit) > AT_LIMIT)
+
+
 def _moduli(run) -> dict[str, float]:
-    """G_0 and K_0 of a probe; of the static network where the probe's two signs show that contacts slide in it."""
-    if probe_asymmetry(run.probe) > SLIDING and run.snapshots:
+    """G_0 and K_0 of a probe; of the static network where contacts slide in it."""
+    if run.snapshots and slides(probe_asymmetry(run.probe), contacts_at_limit(run)):
         moduli = stiffness.network_moduli(read_snapshot(run, 0))
         return {"G_0": moduli.G_0, "K_0": moduli.K_0}
     return {k: float(run.probe[k]) for k in ("G_0", "K_0") if k in run.probe}
