@@ -10,15 +10,12 @@ import numpy as np
 import pandas as pd
 
 from analysis import runfile, stopping, weighted
-from analysis.run_states import RunStates, contacts_at_limit, probe_asymmetry, run_states
+from analysis.archive import NOTHING, STAGE_STATES, contribution
+from analysis.run_states import RunStates
 
 COLUMNS = ("run_id", "stage", "family", "point", "packing", "mu_iso", "mu_s", "G_p", "product")
 CHECKED = {"consolidate": ("G_p", "mu_iso"), "shear": ("mu_s", "G_p", "mu_iso"), "probe": ("mu_s", "G_p", "mu_iso")}
-STAGE_STATES = {"shear": ("initial", "peak", "critical"), "probe": ("probe",)}
-TIMES = ("steps", "cpu_seconds", "wall_seconds", "particle_steps_per_cpu_second")
 SURFACE = 5  # runs below which there is no response surface
-SETTINGS = ("inertial_number", "strain_end", "timestep_factor", "stiffness_scale", "damping")
-PROOFS = ("max_inertial_number", "servo_mean_error", "servo_max_error", "energy_error", "F_unb")
 
 
 class ResponsesError(ValueError):
@@ -51,8 +48,10 @@ class FamilyDensity:
     counts: dict[str, int]
 
 
-def collect(plan, points):
+def collect(plan, points, archive=()):
     """Read every product of a plan; returns (list of FamilyDensity, strain (T,), runs frame, grains).
+
+    archive: an `analysis.archive.Archive`, whose runs need no product.
 
     grains is (diameter (N,) m, grading dict) of the first run that has a snapshot.  Raises ResponsesError for a
     missing product, other parameters than the plan's, a plan without needed columns, or points it does not know.
@@ -61,7 +60,7 @@ def collect(plan, points):
     missing = [name for name in COLUMNS if name not in plan.columns]
     if missing or len(plan) == 0:
         raise ResponsesError(f"plan of {len(plan)} runs lacks the columns {missing}" if missing else "plan has no runs")
-    found = [_read(row) for row in plan.itertuples(index=False)]
+    found = [_read(row, archive) for row in plan.itertuples(index=False)]
     runs = pd.DataFrame([line for line, _ in found])
     kept = [(row, states) for row, (_, states) in zip(plan.itertuples(index=False), found, strict=True)]
     spared = {line["run_id"] for line, _ in found if line["status"] == "spared"}
@@ -76,7 +75,7 @@ def collect(plan, points):
     return groups, strain, runs, grains
 
 
-def _read(row):
+def _read(row, archive):
     """One line of the runs table, and the run's states (None if it failed or was spared)."""
     path = Path(row.product)
     line = {name: getattr(row, name) for name in ("run_id", "stage", "family", "mu_iso", "point", "packing")}
@@ -84,27 +83,18 @@ def _read(row):
     if path.exists():
         run = runfile.read_run(path)
         _check(run, row)
-        reason = run.attrs.get("exit_reason", "")
-        line |= {"status": "done", "reason": reason}
-        line |= {name: float(run.timing.get(name, np.nan)) for name in TIMES}
-        line |= {name: float(run.proofs.get(name, np.nan)) for name in PROOFS}
-        line |= {name: str(run.attrs.get(name, "")) for name in ("created", "yade_version", "script_digest")}
-        states = run_states(run) if row.stage in STAGE_STATES else None
-        shear = states if row.stage == "shear" else RunStates()
-        line["probe_asymmetry"] = probe_asymmetry(run.probe)
-        line["probe_at_limit"] = contacts_at_limit(run) if row.stage == "probe" else np.nan
-        line |= {name: float(run.parameters.get(name, np.nan)) if row.stage == "shear" else np.nan for name in SETTINGS}
-        line |= {"N": int(run.parameters.get("N", 0)), "critical_from": shear.critical_from, "unsteady": shear.unsteady}
-        return line, states
+        given = contribution(run)
+        return line | {"status": "done"} | given.facts, given.states
+    if row.run_id in archive:
+        given = archive[row.run_id]
+        return line | {"status": "done"} | given.facts, given.states
     if failed.exists():
-        line |= {"status": "failed", "reason": str(json.loads(failed.read_text()).get("reason", "no reason given"))}
+        told = {"status": "failed", "reason": str(json.loads(failed.read_text()).get("reason", "no reason given"))}
     elif getattr(row, "status", "") == "spared":
-        line |= {"status": "spared", "reason": "the answer does not need it"}
+        told = {"status": "spared", "reason": "the answer does not need it"}
     else:
         raise ResponsesError(f"run {row.run_id}: there is no product {path}")
-    line |= dict.fromkeys(TIMES + PROOFS + SETTINGS, np.nan) | {"created": "", "yade_version": "", "script_digest": ""}
-    line |= {"probe_asymmetry": np.nan, "probe_at_limit": np.nan, "N": 0, "critical_from": np.nan, "unsteady": ""}
-    return line, None
+    return line | NOTHING | told, None
 
 
 def _check(run, row):

@@ -16,6 +16,7 @@ import pandas as pd
 import scipy
 
 from analysis import pdem
+from analysis.archive import NAME, Archive
 from analysis.collect import FamilyDensity, ResponsesError, collect
 from analysis.input_bands import bootstrap_probabilities
 from analysis.joint import Joint
@@ -28,7 +29,9 @@ SQUEEZE = {"compression": "gzip", "shuffle": True, "fletcher32": True}
 
 
 def build_results(folder, plan, points, settings=None) -> Path:
-    """Read every product of the plan and write <folder>/results.h5; returns its path.
+    """Read every product of the plan, or what <folder>/runs.h5 keeps of it, and write <folder>/results.h5.
+
+    Returns its path.
 
     plan: frame run_id, stage, family, point, packing, mu_iso, mu_s, G_p (Pa), product (path), start; optionally status,
     "spared" for runs that need no product: points without any are filled by regression and marked.
@@ -46,7 +49,7 @@ def build_results(folder, plan, points, settings=None) -> Path:
     """
     settings = DEFAULTS | dict(settings or {})
     folder = Path(folder)
-    groups, strain, runs, grains = collect(plan, points)
+    groups, strain, runs, grains = collect(plan, points, Archive(folder / NAME))
     for group in groups:
         if group.lost_probability > settings["max_lost_probability"]:
             raise ResponsesError(

@@ -1,4 +1,4 @@
-"""The command line: python3 -m campaign {plan,run,status,missing,analyse,report,all} CONFIG"""
+"""The command line: python3 -m campaign {plan,run,status,missing,analyse,archive,report,all} CONFIG"""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ COMMANDS = {
     "status": "tell what is done, running, failed and missing",
     "missing": "list the runs without a product",
     "analyse": "metrics, probability densities and tables into results.h5",
+    "archive": "runs.h5: all that analyse takes from the products, which may then go",
     "report": "figures and report.html; of a results.h5 in place of CONFIG the tables, too, no folder needed",
     "all": "plan, run, analyse and report; nothing is done twice",
 }
@@ -87,8 +88,8 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _command(options):
-    return {"plan": plan, "run": run, "status": status, "missing": missing, "analyse": analyse, "report": report,
-            "all": everything}[options.command]  # fmt: skip
+    return {"plan": plan, "run": run, "status": status, "missing": missing, "analyse": analyse, "archive": archive,
+            "report": report, "all": everything}[options.command]  # fmt: skip
 
 
 def plan(config: Config, folder: Path, options) -> int:
@@ -169,6 +170,13 @@ def analyse(config: Config, folder: Path, options) -> int:
     from campaign.evaluate import analyse as evaluate
 
     print(evaluate(config, folder, _rows(config, folder)))
+    return 0
+
+
+def archive(config: Config, folder: Path, options) -> int:
+    from campaign.evaluate import archive as write
+
+    print(write(config, folder, _rows(config, folder)))
     return 0
 
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from campaign.config import Config
 from campaign.files import read_json, write_json
 from campaign.plan import Row
-from campaign.products import look
+from campaign.products import ARCHIVE, look
 
 NOTE = "tables/enough.json"
 
@@ -122,15 +122,16 @@ def _responses(folder: Path, needed: list[Row], used: list[int]) -> dict:
     """
     import numpy as np
 
+    from analysis.archive import Archive
     from analysis.stopping import JUDGED, judged_name
 
     shear = [row for row in needed if row.stage == "shear"]
     family = "coupled" if any(row.family == "coupled" for row in shear) else shear[0].family
     place = {point: q for q, point in enumerate(used)}
-    sums, counts = {}, {}
+    sums, counts, kept = {}, {}, Archive(folder / ARCHIVE)
     for row in (row for row in shear if row.family == family):
         path = folder / row.product
-        values = _states(path, path.stat().st_mtime_ns) if path.exists() else {}
+        values = _states(path, path.stat().st_mtime_ns) if path.exists() else _archived(kept, row.run_id)
         for state, symbol in JUDGED:
             name = judged_name(state, symbol, row.mu_iso)
             sums.setdefault(name, np.zeros(len(used)))
@@ -147,10 +148,18 @@ def _states(path: Path, changed: int) -> dict:
     """{(state, symbol): value} of one shear product; `changed`: its time, so that a new one is read anew."""
     from analysis.run_states import run_states
     from analysis.runfile import read_run
+
+    return _judged(run_states(read_run(path)).states)
+
+
+def _archived(kept, run_id: str) -> dict:
+    return _judged(kept[run_id].states.states) if run_id in kept else {}
+
+
+def _judged(states: dict) -> dict:
     from analysis.stopping import JUDGED
 
-    found = run_states(read_run(path)).states
-    return {(state, symbol): found[state][symbol] for state, symbol in JUDGED}
+    return {(state, symbol): states[state][symbol] for state, symbol in JUDGED}
 
 
 def _inputs(rows: list[Row]) -> dict[int, tuple[float, float]]:

@@ -12,7 +12,7 @@ from campaign.config import ROOT, SECTIONS, Config
 from campaign.files import code_digest, read_json, write_json
 from campaign.plan import Row
 from campaign.prepare import PlanError, read_points
-from campaign.products import look, write_blocked
+from campaign.products import ARCHIVE, State, archived, look, write_blocked
 
 NOTE = "tables/analysed.json"
 ANALYSIS = ROOT / "analysis"
@@ -25,10 +25,7 @@ def analyse(config: Config, folder: Path, rows: list[Row]) -> str:
 
     Raises PlanError when runs are missing or refused, and the analysis' own errors.
     """
-    states = look(folder, rows)
-    bad = [s for s in states.values() if s.state == "refused"]
-    if bad:
-        raise PlanError(f"products/{bad[0].run_id}.h5: {bad[0].reason} ({len(bad)} such products)")
+    states = _usable(folder, rows)
     left = [s for s in states.values() if s.state not in ("done", "failed")]
     spared = enough.spared(config, folder, rows) & {s.run_id for s in left if s.state == "missing"}
     left = [s for s in left if s.run_id not in spared]
@@ -42,15 +39,37 @@ def analyse(config: Config, folder: Path, rows: list[Row]) -> str:
 
     from analysis import responses, tables
 
-    states = look(folder, rows, rehash=True)  # before numbers are made of them, read every byte again
-    bad = [s for s in states.values() if s.state == "refused"]
-    if bad:
-        raise PlanError(f"products/{bad[0].run_id}.h5: {bad[0].reason} ({len(bad)} such products)")
+    _usable(folder, rows, rehash=True)  # before numbers are made of them, read every byte again
     results = responses.build_results(folder, plan_frame(folder, rows, spared), pd.DataFrame(read_points(folder)),
                                       _settings(config, folder))  # fmt: skip
     tables.write_tables(results, folder)
     write_json(folder / NOTE, {"results": wanted})
     return f"{folder.name}: results.h5 and tables from {len(rows) - len(spared)} runs"
+
+
+def archive(config: Config, folder: Path, rows: list[Row]) -> str:
+    """Write runs.h5: what the analysis takes from every product, with the runs that it had already.
+
+    Returns a line that tells what was done.  Raises PlanError for a product that cannot be used.
+    """
+    from analysis.archive import Archive, contribution, write_archive
+    from analysis.runfile import read_run
+
+    path = folder / ARCHIVE
+    had = Archive(path)
+    states = _usable(folder, rows, rehash=True)
+    done = [s.run_id for s in states.values() if s.state == "done" and not s.facts.get("archived")]
+    kept = {run_id: contribution(read_run(folder / f"products/{run_id}.h5")) for run_id in done}
+    write_archive(path, {**{run_id: had[run_id] for run_id in had if run_id not in kept}, **kept})
+    return f"{folder.name}: {path.name} keeps {len(set(had) | set(kept))} runs, {path.stat().st_size / 2**20:.1f} MiB"
+
+
+def _usable(folder: Path, rows: list[Row], rehash: bool = False) -> dict[str, State]:
+    """The states of all rows.  Raises PlanError where a product is there and cannot be used."""
+    states = look(folder, rows, rehash=rehash)
+    if bad := [s for s in states.values() if s.state == "refused"]:
+        raise PlanError(f"products/{bad[0].run_id}.h5: {bad[0].reason} ({len(bad)} such products)")
+    return states
 
 
 def report(config: Config, folder: Path) -> str:
@@ -117,12 +136,13 @@ def _digest(config: Config, folder: Path, rows: list[Row], spared: frozenset[str
     digest = hashlib.sha256(code_digest(ANALYSIS).encode())
     digest.update(json.dumps([config.text, asdict(config.pdem), asdict(config.failures)]).encode())
     digest.update((folder / "inputs.json").read_bytes())
+    kept = archived(folder)
     for row in rows:
         if row.run_id in spared:
             digest.update(f"{row.run_id} spared\n".encode())
             continue
-        path = folder / row.product
-        path = path if path.exists() else path.with_suffix(".failed.json")
+        places = (folder / row.product, folder / ARCHIVE, (folder / row.product).with_suffix(".failed.json"))
+        path = next(p for p in places if p.exists() and (p.name != ARCHIVE or row.run_id in kept))
         s = path.stat()
         digest.update(f"{row.run_id} {path.suffix} {s.st_size} {s.st_mtime_ns}\n".encode())
     return digest.hexdigest()

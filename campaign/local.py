@@ -15,7 +15,7 @@ from pathlib import Path
 
 from campaign.config import ROOT, Config
 from campaign.plan import STAGES, Row, script, table_line, table_path
-from campaign.products import State, is_locked, look, set_aside, write_blocked, write_failure
+from campaign.products import State, clear_the_way, is_locked, look, set_aside, write_blocked, write_failure
 from campaign.row import closed_doors, die_with_parent
 from campaign.status import Progress, bar, jobs, span
 
@@ -36,11 +36,7 @@ def run_missing(
     Raises RunError when another `run` works in the folder, when YADE is not there or when the disk is full.
     """
     with folder_lock(folder):
-        states = look(folder, rows, spared=spared)
-        write_blocked(folder, states)
-        redo = {"refused", "failed"} if again else {"refused"}
-        set_aside(folder, [r for r, s in states.items() if s.state in redo])
-        missing = [row for row in rows if states[row.run_id].state in redo | {"missing"}]
+        states, missing = clear_the_way(folder, rows, again=again, spared=spared)
         if not missing:
             return 0
         _check_machine(folder, missing, config)

@@ -2,6 +2,7 @@
 
 A run is done when its product is there, its checksum holds and the parameters in it are the plan's.  The outcome of a
 check is kept in products/checked.json beside the file's size and times, so that looking again costs one `stat`.
+Without a product a run is done, too, if the folder's archive (runs.h5) has it and no missing run starts from it.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from pathlib import Path
 from campaign.files import read_json, write_json
 from campaign.plan import RETRY_STEP, Row
 
+ARCHIVE = "runs.h5"
 SUMS = "SHA256SUMS"
 CHECKED = "checked.json"
 #: What must be finite in every record; the analysis checks the rest when it reads.
@@ -44,7 +46,7 @@ def look(
     products = folder / "products"
     names = set(os.listdir(products)) if products.is_dir() else set()
     cache = {} if rehash else read_json(products / CHECKED, {})
-    fresh, states, sums = dict(cache), {}, None
+    fresh, states, sums, kept = dict(cache), {}, None, archived(folder)
     for row in rows:
         name = f"{row.run_id}.h5"
         if name in names:
@@ -56,6 +58,8 @@ def look(
                 fresh[row.run_id] = entry
             bad = entry["reason"]
             states[row.run_id] = State(row.run_id, "refused" if bad else "done", bad, entry["facts"])
+        elif row.run_id in kept:
+            states[row.run_id] = State(row.run_id, "done", "", kept[row.run_id])
         elif f"{row.run_id}.failed.json" in names:
             states[row.run_id] = _failed(products, row, states)
         elif f".{row.run_id}.lock" in names and is_locked(products / f".{row.run_id}.lock"):
@@ -66,9 +70,37 @@ def look(
             states[row.run_id] = State(row.run_id, "missing")
         if row.run_id in spared and states[row.run_id].state == "missing":
             states[row.run_id] = State(row.run_id, "spared")
+    for row in reversed(rows):  # what a missing run starts from must be there as a product
+        if row.start in kept and f"{row.start}.h5" not in names and states[row.run_id].state == "missing":
+            states[row.start] = State(row.start, "missing")
     if fresh != cache:
         _keep(products / CHECKED, fresh)
     return states
+
+
+def archived(folder: Path) -> dict[str, dict]:
+    """Run id -> what status tells of it, for the runs that the folder's archive keeps."""
+    path = folder / ARCHIVE
+    if not path.exists():
+        return {}
+    from analysis.archive import Archive
+
+    told = {run_id: facts | {"exit_reason": facts["reason"]} for run_id, facts in Archive(path).facts().items()}
+    names = ("cpu_seconds", "wall_seconds", "steps", "exit_reason", "script_digest", "resumed")
+    return {run_id: {k: f[k] for k in names} | {"archived": True} for run_id, f in told.items()}
+
+
+def clear_the_way(
+    folder: Path, rows: list[Row], *, again: bool, spared: frozenset[str]
+) -> tuple[dict[str, State], list[Row]]:
+    """The states of all rows and the rows to run now; refused products are set aside, failures forgotten if `again`."""
+    states = look(folder, rows, spared=spared)
+    write_blocked(folder, states)
+    redo = [r for r, s in states.items() if s.state in ({"refused", "failed"} if again else {"refused"})]
+    if redo:
+        set_aside(folder, redo)
+        states = look(folder, rows, spared=spared)
+    return states, [row for row in rows if states[row.run_id].state == "missing"]
 
 
 def stale(folder: Path, rows: list[Row]) -> list[str]:

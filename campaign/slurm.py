@@ -17,7 +17,7 @@ from campaign.config import ROOT, Config
 from campaign.files import read_json, write_json, write_text
 from campaign.local import RunError, folder_lock
 from campaign.plan import STAGES, Row, script, table_line, yade_table
-from campaign.products import look, set_aside, write_blocked
+from campaign.products import clear_the_way
 
 NOTE = "batch/slurm.json"
 GONE = ("COMPLETED", "CANCELLED", "FAILED", "TIMEOUT", "NODE_FAIL", "OUT_OF_MEMORY", "PREEMPTED")
@@ -34,11 +34,8 @@ def submit_missing(
         raise RunError("sbatch: no such program; is SLURM installed here?")
     with folder_lock(folder):
         queue = queued_rows(folder)
-        states = look(folder, rows, spared=spared)
-        write_blocked(folder, states)
-        redo = {"refused", "failed"} if again else {"refused"}
-        set_aside(folder, [r for r, s in states.items() if s.state in redo])
-        todo = [r for r in rows if states[r.run_id].state in redo | {"missing"} and r.run_id not in queue]
+        _, missing = clear_the_way(folder, rows, again=again, spared=spared)
+        todo = [row for row in missing if row.run_id not in queue]
         noted = read_json(folder / NOTE, [])
         waiting = {job["job"] for job in noted if set(queue) & {r for task in job["tasks"] for r in task}}
         said = []
