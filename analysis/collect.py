@@ -8,11 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy.spatial import cKDTree
 
 from analysis import runfile, stopping, weighted
 from analysis.archive import NOTHING, STAGE_STATES, contribution
 from analysis.run_states import RunStates
 
+PROPERTIES = ("mu_s", "G_p")
 COLUMNS = ("run_id", "stage", "family", "point", "packing", "mu_iso", "mu_s", "G_p", "product")
 CHECKED = {"consolidate": ("G_p", "mu_iso"), "shear": ("mu_s", "G_p", "mu_iso"), "probe": ("mu_s", "G_p", "mu_iso")}
 SURFACE = 5  # runs below which there is no response surface
@@ -34,7 +36,6 @@ class FamilyDensity:
     family: str
     mu_iso: float
     points: pd.DataFrame
-    planned_share: float
     packings: tuple
     weight: np.ndarray
     lost_probability: float
@@ -118,18 +119,33 @@ def _strain_grid(shears: list[RunStates]):
 
 
 def _family_points(family, plan, points):
-    """The points of a family with the properties its runs have; probabilities renormalised over those planned."""
+    """The points of a family with the properties its runs have.
+
+    A point that is not planned gives its probability to the planned one that is nearest in the logarithms of those
+    properties in which the planned ones differ; attrs["nearest"] has that one's place for each point of the family.
+    """
     own = points[points["family"] == family] if "family" in points.columns else points
     used = plan.drop_duplicates("point").set_index("point")
     unknown = sorted(set(used.index) - set(own["id"]))
     if unknown:
         raise ResponsesError(f"{family}: the plan's points {unknown} are not among the {len(own)} points")
+    everyone = own
     own = own[own["id"].isin(used.index)].reset_index(drop=True)
-    share = float(own["probability"].sum())
-    properties = {name: used.loc[own["id"], name].to_numpy(float) for name in ("mu_s", "G_p")}
-    own = own.assign(probability=own["probability"] / share, **properties)
-    own.attrs["planned_share"] = share
+    properties = {name: used.loc[own["id"], name].to_numpy(float) for name in PROPERTIES}
+    nearest = _nearest(everyone, properties)
+    shares = np.bincount(nearest, weights=everyone["probability"], minlength=len(own))
+    planned = float(own["probability"].sum())
+    own = own.assign(probability=shares / shares.sum(), **properties)
+    own.attrs.update(planned_share=planned, nearest=nearest)
     return own
+
+
+def _nearest(points, planned):
+    """Place (n,) of the planned point that is nearest to each point; `planned`: property -> (Q,)."""
+    names = [name for name in PROPERTIES if np.ptp(planned[name]) > 0] or list(PROPERTIES)
+    given, kept = np.log(points[names].to_numpy(float)), np.log(np.column_stack([planned[name] for name in names]))
+    scale = np.where(given.std(axis=0) > 0, given.std(axis=0), 1.0)
+    return cKDTree(kept / scale).query(given / scale)[1]
 
 
 def _group(family, mu_iso, rows, own, strain, spared):
@@ -162,7 +178,7 @@ def _group(family, mu_iso, rows, own, strain, spared):
     weight[~alive] = 0.0
     shear = [(row, states) for row, states in rows if row.stage == "shear"]
     return FamilyDensity(
-        family=family, mu_iso=mu_iso, points=own, planned_share=own.attrs["planned_share"], packings=packings,
+        family=family, mu_iso=mu_iso, points=own, packings=packings,
         weight=weight / weight.sum() if lost < 1 else weight, lost_probability=lost, extended=extended.any(axis=0),
         values=values, replicates=replicates, states=averages, filled=filled["shear"],
         errors={state: {s: _packing_error(v) for s, v in table.items()} for state, table in error_sets.items()},

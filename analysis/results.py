@@ -23,7 +23,7 @@ from analysis import weighted
 from analysis.density import Density
 from analysis.quantities import QUANTITIES, Quantity
 
-FORMAT, FORMAT_VERSION = "campaign-results", 1
+FORMAT, FORMAT_VERSION = "campaign-results", 2
 STATES = ("initial", "peak", "critical", "probe")
 
 
@@ -103,9 +103,11 @@ class Results:
             if "inputs/bootstrap_probability" not in file:
                 return None
             drawn = file["inputs/bootstrap_probability"][()]
-        column = {name: k for k, name in enumerate(self.points["id"])}
-        drawn = drawn[:, [column[name] for name in self.family_points(family)["id"]]]
-        drawn = drawn * (self.weights(mu_iso, family) > 0)
+            nearest = file[f"families/{family}/points"].attrs["nearest"]
+        weights = self.weights(mu_iso, family)
+        shares = np.zeros((len(drawn), len(weights)))
+        np.add.at(shares.T, nearest, drawn.T)
+        drawn = shares * (weights > 0)
         return drawn / drawn.sum(axis=1, keepdims=True)
 
     def filled(self, mu_iso, family="coupled"):

@@ -95,6 +95,7 @@ class Families:
     coupled: bool = key(True, bool, doc="mu_s and G_p as measured, dependent")
     G_p_only: bool = key(False, bool, doc="a second family with mu_s fixed")
     mu_s_fixed: float = key(0.25, float, 0.0, 1.5)
+    G_p_points: int = key(-1, int, -1, 10_000, doc="points of the second family; -1: all")
 
 
 @dataclass(frozen=True)

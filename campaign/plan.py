@@ -63,30 +63,30 @@ def make_rows(config: Config, points: list[dict]) -> list[Row]:
     points: dicts with id, mu_s and G_p (Pa).  Rows that two families share stand once, under family "shared".
     """
     rows: dict[str, Row] = {}
-    replicated = _replicated(config, points)
+    replicated = _spread(points, "mu_s", config.assembly.replicate_points)
     for packing in config.assembly.packings:
         served = points if packing == config.assembly.packings[0] else replicated
         for mu_iso in config.consolidation.mu_iso:
-            for family, fixed in _families(config):
-                for point in served:
+            for family, fixed, own in _families(config, points):
+                for point in (p for p in own if p in served):
                     _chain(rows, config, family, packing, mu_iso, point, fixed)
     order = {stage: k for k, stage in enumerate(STAGES)}
     return sorted(rows.values(), key=lambda r: (order[r.stage], -r.particle_steps, r.run_id))
 
 
-def _families(config: Config):
+def _families(config: Config, points: list[dict]):
+    """Family, its fixed mu_s (None: each point has its own), and its points."""
     if config.families.coupled:
-        yield "coupled", None
+        yield "coupled", None, points
     if config.families.G_p_only:
-        yield "G_p", config.families.mu_s_fixed
+        yield "G_p", config.families.mu_s_fixed, _spread(points, "G_p", config.families.G_p_points)
 
 
-def _replicated(config: Config, points: list[dict]) -> list[dict]:
-    """The points that replicate packings serve: all, or evenly spread in order of mu_s."""
-    wanted = config.assembly.replicate_points
+def _spread(points: list[dict], symbol: str, wanted: int) -> list[dict]:
+    """So many of the points, evenly spread in the order of a property; all for -1."""
     if wanted < 0 or wanted >= len(points):
         return points
-    ranked = sorted(points, key=lambda p: p["mu_s"])
+    ranked = sorted(points, key=lambda p: p[symbol])
     return [ranked[int((k + 0.5) * len(points) / wanted)] for k in range(wanted)]
 
 

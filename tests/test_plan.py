@@ -48,6 +48,13 @@ def test_second_family_shares_the_consolidations_and_fixes_mu_s():
     assert sum(r.stage == "consolidate" for r in rows) == 3
 
 
+def test_second_family_of_few_points_is_spread_over_G_p():
+    rows = rows_of("[families]\nG_p_only = true\nG_p_points = 2")
+    own = [r for r in rows if r.family == "G_p" and r.stage == "shear"]
+    ranked = sorted({r.G_p for r in rows if r.family == "coupled"})
+    assert {r.G_p for r in own} == {ranked[1], ranked[4]} and len(own) == 6
+
+
 def test_replicates_serve_some_points_spread_over_mu_s():
     rows = rows_of("[assembly]\npackings = [7, 8]\nreplicate_points = 2")
     assert {r.point for r in rows if r.packing == 8 and r.stage == "shear"} == {1, 4}

@@ -168,11 +168,11 @@ def test_windows_that_differ_are_interpolated(small):
     )
 
 
-def test_points_the_plan_does_not_name_leave_a_share_that_is_noted(small):
+def test_points_the_plan_does_not_name_give_their_probability_to_the_nearest(small):
     folder, plan, points = small
     more = synthetic.representative_points(2).assign(probability=[0.3, 0.2])
-    extra = more.iloc[:1].assign(id=7, probability=0.5)
-    results = read_results(build_results(folder, plan, pd.concat([more, extra], ignore_index=True)))
-    assert results.weights(0.04) == pytest.approx([0.6, 0.4])
+    extra = more.iloc[:1].assign(id=7, probability=0.5, mu_s=more["mu_s"][0] * 1.01)
+    results = read_results(build_results(folder, plan, pd.concat([extra, more], ignore_index=True)))
+    assert results.weights(0.04) == pytest.approx([0.8, 0.2])
     with h5py.File(results.path) as file:
         assert file["families/coupled/points"].attrs["planned_share"] == pytest.approx(0.5)
