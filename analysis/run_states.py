@@ -14,6 +14,8 @@ INDICES = ("I_G", "I_G_active", "I_G_stress")
 #: Largest difference of the two signs of a probe, and share of contacts at the Coulomb limit at rest, that still count
 #: as elastic: where mu_s is below the friction of consolidation both signs can be too soft alike (once by 61 %).
 SLIDING, AT_LIMIT = 0.05, 0.01
+#: A snapshot stands for a strain if their logarithms differ by no more than NEAR, strains below START being alike.
+NEAR, START = 0.5, 1e-3
 
 
 @dataclass(frozen=True)
@@ -41,8 +43,8 @@ def run_states(run: Run) -> RunStates:
     A probe in which contacts slide (`slides`) gives way to the static solve of its contact
     network, the elastic stiffness.  The initial state is the record's row at zero strain, the peak that of the smoothed
     stress ratio, the critical state the average of the last part (`analysis.triaxial`).  Grading indices come from the
-    snapshots: the first, the one nearest to the peak, the last.  Raises runfile.RunFileError if something needed is
-    missing or not finite.
+    snapshots: the first, the one nearest to the peak (NaN if none is near), the last.  Raises runfile.RunFileError if
+    something needed is missing or not finite.
     """
     if run.stage == "probe":
         return RunStates(states={"probe": _moduli(run)})
@@ -103,11 +105,14 @@ def _moduli(run) -> dict[str, float]:
 
 
 def _grading_indices(run, strain):
-    """Grading indices of the snapshot nearest to a strain (infinite: the last); NaN without snapshots."""
-    if not run.snapshots:
-        return dict.fromkeys(INDICES, np.nan)
+    """Grading indices of the snapshot nearest to a strain (infinite: the last); NaN if none is near (`NEAR`)."""
     at = np.array([eps_a for _, eps_a, _ in run.snapshots])
-    k = len(at) - 1 if np.isinf(strain) else int(np.argmin(abs(at - strain)))
+    if len(at) and np.isinf(strain):
+        strain = at[-1]
+    gap = np.abs(np.log((at + START) / (strain + START)))
+    if not len(at) or gap.min() > NEAR:
+        return dict.fromkeys(INDICES, np.nan)
+    k = int(np.argmin(gap))
     s = read_snapshot(run, k)
     diameter = 2 * s.radius
     count = micromechanics.contact_count(s.N, s.contact_ids)

@@ -17,6 +17,9 @@ CORRELATION_STRAIN = 0.03
 #: Largest half-width of a local fit; nearer to the start it is half the strain.  Wide, because the largest of many
 #: scattered values is too large: for a flat curve the peak of 1,000 grains comes out 4 % high with it, 6 % with 0.02.
 SMOOTHING = 0.08
+#: Before this strain a dense packing of rough grains answers elastically, as far as a stress ratio that it may not
+#: reach again; the peak state is that of plastic flow.
+ELASTIC = 0.01
 
 
 class TriaxialError(ValueError):
@@ -38,9 +41,10 @@ class PeakState:
 class CriticalState:
     """Averages over the last part of a test and what proves, or does not prove, that they are of a steady state.
 
-    `error` is the standard error of each mean from block averages.  `drift` is the fitted change over the part relative
-    to the mean, `drift_error` its standard error, `scatter` the standard deviation of rows about that line, relative to
-    the mean; each a dict by symbol.  `reason` says what speaks against a steady state, and is empty if nothing does.
+    `error` is the standard error of each mean from block averages, of which `blocks` - 2 are free.  `drift` is the
+    fitted change over the part relative to the mean, `drift_error` its standard error, widened for so few blocks,
+    `scatter` the standard deviation of rows about that line, relative to the mean; each a dict by symbol.  `reason`
+    says what speaks against a steady state, and is empty if nothing does.
     """
 
     eps_from: float
@@ -96,19 +100,20 @@ def peak_state(
 ) -> PeakState:
     """Largest smoothed stress ratio: strain (T,) and eta (T,) of a record, `others` by symbol (T, ...) taken there too.
 
-    Smoothed by `smooth`; `eta_error` is the standard error of the smoothed value from the rows' scatter about it.
+    Smoothed by `smooth`; the peak is sought past the strain ELASTIC and where the fit has rows on both sides, since at
+    an end of the record a parabola can lie above every row (in a record too short for that, anywhere).  `eta_error` is
+    the standard error of the smoothed value from the scatter of the rows, correlated as they are.
     Raises TriaxialError for fewer than five rows, strains that do not increase, or values that are not finite.
     """
     strain, eta = _checked(strain, eta)
     fits, half = _local_fits(strain, width)
     smoothed = fits[:, 0] @ eta
-    k = int(np.argmax(smoothed))
-    weight, basis = fits[k, 0], np.vander((strain - strain[k]) / half[k], 3, increasing=True)
-    w = _tricube(basis[:, 1])
-    freedom = np.sum(w) - np.sum((w * fits[k]).T * basis)
-    scatter = np.sqrt(np.sum(w * (eta - basis @ (fits[k] @ eta)) ** 2) / freedom)
+    inside = (strain >= ELASTIC * (1.0 - 1e-6)) & (strain + half <= strain[-1] * (1.0 + 1e-6))
+    k = int(np.argmax(np.where(inside, smoothed, -np.inf) if inside.any() else smoothed))
+    weight = fits[k, 0]
+    error = _error_of_fit(strain, eta, fits[k], half[k], k)
     values = {name: np.tensordot(weight, np.asarray(y, float), axes=1) for name, y in (others or {}).items()}
-    return PeakState(k, float(strain[k]), float(smoothed[k]), float(scatter * np.linalg.norm(weight)), values)
+    return PeakState(k, float(strain[k]), float(smoothed[k]), error, values)
 
 
 def critical_state(
@@ -133,7 +138,7 @@ def critical_state(
         reason = f"the record ends at eps_a = {strain[-1]:.3g}, less than a block of {block:g} past {start:g}"
         start = 0.6 * strain[-1]
     part = strain > start * (1.0 + 1e-9)
-    blocks = max(3, int((strain[-1] - start) / block * (1.0 + 1e-9)))
+    blocks = max(3, round((strain[-1] - start) / block))
     label = np.minimum(((strain[part] - start) / (strain[-1] - start) * blocks * (1 - 1e-12)).astype(int), blocks - 1)
     out = {name: _steadiness(strain[part], np.asarray(y, float)[part], label, blocks) for name, y in values.items()}
     for name, limit in tolerance.items():
@@ -204,11 +209,26 @@ def _steadiness(strain: np.ndarray, y: np.ndarray, label: np.ndarray, blocks: in
     spread = np.sqrt(np.sum(level**2) / max(blocks - 2, 1))
     length = strain[-1] - strain[0]
     slope_error = spread / np.sqrt(np.sum((middle - middle.mean()) ** 2))
-    # Student's factor for the few degrees of freedom a handful of blocks leaves, so that 2 x error covers 95 %.
+    # Student's factor for the few degrees of freedom a handful of blocks leaves, so that 2 x drift_error covers 95 %.
     factor = stdtrit(max(blocks - 2, 1), 0.975) / 1.96
     scale = abs(mean) if mean else 1.0
-    error = factor * spread / np.sqrt(blocks)
-    return mean, float(error), slope * length / scale, factor * slope_error * length / scale, float(rest.std()) / scale
+    error = float(spread / np.sqrt(blocks))
+    return mean, error, slope * length / scale, factor * slope_error * length / scale, float(rest.std()) / scale
+
+
+def _error_of_fit(strain: np.ndarray, y: np.ndarray, fit: np.ndarray, half: float, k: int) -> float:
+    """Standard error of a local parabola's value at row k, from the rows' scatter about it.
+
+    The rows are taken to be correlated, exp(-gap / (CORRELATION_STRAIN / 2)): the fit follows part of such noise, and
+    what it leaves over is smaller than the noise by a factor that follows from the correlation.
+    """
+    used = np.abs(strain - strain[k]) < half
+    x = (strain[used] - strain[k]) / half
+    w, fit = _tricube(x), fit[:, used]
+    left = np.eye(len(x)) - np.vander(x, 3, increasing=True) @ fit
+    R = np.exp(-np.abs(x[:, None] - x) * half / (0.5 * CORRELATION_STRAIN))
+    variance = np.sum(w * (left @ y[used]) ** 2) / np.sum(w * np.einsum("ij,jk,ik->i", left, R, left))
+    return float(np.sqrt(variance * (fit[0] @ R @ fit[0])))
 
 
 def _checked(strain: np.ndarray, *values: np.ndarray) -> list[np.ndarray]:

@@ -18,16 +18,16 @@ from pathlib import Path
 from campaign.config import ROOT, Config
 from campaign.files import read_json, write_json, write_text
 
-#: Raised whenever the scripts compute something else from the same parameters.
-PROTOCOL = 4
+#: Raised for a stage whenever its script computes something else from the same parameters.
+PROTOCOL = {"consolidate": 4, "probe": 4, "shear": 5}
 STAGES = ("consolidate", "probe", "shear")
 #: Measured on one core (Debian's YADE, periodic Hertz-Mindlin packing, servo on); see data/benchmarks.
 PARTICLE_STEPS_PER_CPU_SECOND = 0.9e6
 SECONDS_PER_START = 1.5
 #: How much larger the step is with `dem.density_scaling` (shear runs at N = 1,000: 1.80 to 1.85).
 BALANCED_STEP = 1.85
-#: Friction above which shear takes smaller steps (yade_scripts/rve.py).
-FULL_STEP_FRICTION = 0.3
+#: Friction above which shear is slower (yade_scripts/rve.py).
+FULL_RATE_FRICTION = 0.3
 RETRY_STEP = 0.5
 
 
@@ -123,7 +123,7 @@ def _chain(rows, config: Config, family: str, packing: int, mu_iso: float, point
 def _row(config, stage, family, point, where, mu_s, G_p, start, values) -> Row:
     values = values | {"G_p": G_p, "start": f"products/{start}.h5" if start else ""}
     grains = config.assembly
-    used = {"stage": stage, "protocol": PROTOCOL, "N": grains.N, "sigma_ln": grains.sigma_ln,
+    used = {"stage": stage, "protocol": PROTOCOL[stage], "N": grains.N, "sigma_ln": grains.sigma_ln,
             "distribution": grains.distribution, **values}  # fmt: skip
     digest = hashlib.sha256(json.dumps(used, sort_keys=True).encode()).hexdigest()[:8]
     names = [stage]
@@ -140,8 +140,8 @@ def predicted_steps(stage: str, values: dict) -> float:
     stiff = (values["G_p"] * values["stiffness_scale"] / values["sigma_3"]) ** (1.0 / 3.0)
     step = values["timestep_factor"] / 0.8 * (BALANCED_STEP if values["density_scaling"] else 1.0)
     if stage == "shear":
-        step *= FULL_STEP_FRICTION / max(FULL_STEP_FRICTION, values["mu_s"])
-        return 8.0 * values["strain_end"] / values["inertial_number"] * stiff / step
+        rate = values["inertial_number"] * FULL_RATE_FRICTION / max(FULL_RATE_FRICTION, values["mu_s"])
+        return 8.0 * values["strain_end"] / rate * stiff / step
     return {"consolidate": 900.0, "probe": 150.0}[stage] * stiff / step
 
 

@@ -41,6 +41,7 @@ class Product:
         self.steps_before = 0
         self.seconds_before = 0.0
         self.state = b""
+        self.scripts = script_digest()  # now, since a long run may see them edited
 
     def is_complete(self) -> bool:
         """True when the file is there, complete and of this very run."""
@@ -78,7 +79,7 @@ class Product:
             resumed=self.resumed,
             yade_version=str(config.version),
             created=datetime.now(UTC).isoformat(timespec="seconds"),
-            script_digest=script_digest(),
+            script_digest=self.scripts,
         )
         skipped = ("stage", "started", "script", "run_id", "product")
         file.create_group("parameters").attrs.update({k: v for k, v in vars(p).items() if k not in skipped})

@@ -31,7 +31,6 @@ def protocol(p, product) -> None:
     if windows is None:
         begin(p, calc_energy=True)
         O.trackEnergy = p.damping > 0.0
-        rve.limit_step_for_friction(p)
         rve.servo_triaxial(p, p.strain_end)
         windows = Windows(p)
         product.snapshots = [snapshot("start", 0.0)]
