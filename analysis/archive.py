@@ -26,10 +26,12 @@ STAGE_STATES = {"shear": ("initial", "peak", "critical"), "probe": ("probe",)}
 TIMES = ("steps", "cpu_seconds", "wall_seconds", "particle_steps_per_cpu_second")
 SETTINGS = ("inertial_number", "strain_end", "timestep_factor", "stiffness_scale", "damping")
 PROOFS = ("max_inertial_number", "servo_mean_error", "servo_max_error", "energy_error", "F_unb")
+CONSOLIDATED = ("e", "e_m", "Z", "Z_m")
 TEXTS = ("created", "yade_version", "script_digest")
 #: What a run without a product has in place of each number and text.
 NOTHING = (
-    dict.fromkeys((*TIMES, *PROOFS, *SETTINGS, "probe_asymmetry", "probe_at_limit", "critical_from"), np.nan)
+    dict.fromkeys((*TIMES, *PROOFS, *SETTINGS, *CONSOLIDATED), np.nan)
+    | dict.fromkeys(("probe_asymmetry", "probe_at_limit", "critical_from"), np.nan)
     | dict.fromkeys((*TEXTS, "unsteady"), "")
     | {"N": 0, "resumed": 0}
 )
@@ -58,6 +60,8 @@ def contribution(run: Run) -> Contribution:
     if run.stage == "shear":
         facts |= {name: float(run.parameters.get(name, np.nan)) for name in SETTINGS}
         facts |= {"critical_from": float(states.critical_from), "unsteady": states.unsteady}
+    if run.stage == "consolidate":
+        facts |= {symbol: float(run.record[symbol][-1]) for symbol in CONSOLIDATED if symbol in run.record}
     facts["probe_asymmetry"] = probe_asymmetry(run.probe)
     facts["probe_at_limit"] = contacts_at_limit(run) if run.stage == "probe" else np.nan
     return Contribution(NOTHING | facts, states)

@@ -90,7 +90,9 @@ def _read(row, archive):
         given = archive[row.run_id]
         return line | {"status": "done"} | given.facts, given.states
     if failed.exists():
-        told = {"status": "failed", "reason": str(json.loads(failed.read_text()).get("reason", "no reason given"))}
+        note = json.loads(failed.read_text())
+        told = {"status": "failed", "reason": str(note.get("reason", "no reason given"))}
+        told["cpu_seconds"] = float(note.get("cpu_seconds", np.nan))
     elif getattr(row, "status", "") == "spared":
         told = {"status": "spared", "reason": "the answer does not need it"}
     else:

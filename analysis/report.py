@@ -124,17 +124,22 @@ def _runs(results):
 def _initial(results):
     frame = tables.initial_state(results)
     worst = frame.loc[frame["difference (%)"].abs().idxmax()] if frame["difference (%)"].notna().any() else None
-    text = "The state before shear, as averages over the points." + (
+    text = (
+        "The state after consolidation, as the paper's Table 3 has it; where one consolidation serves all points, its "
+        "COV is the scatter between packings, the paper's that of its 100 points. Beside it the average over the "
+        "points before shear, each at rest again with its own friction and modulus: where friction is below that of "
+        "consolidation, loose packings collapse a little." + (
         f" The largest difference to the paper's Table 3 is {worst['difference (%)']:+.1f} % "
         f"({_sign(worst['quantity'])} at mu_iso = {worst['mu_iso']:g})."
         if worst is not None
         else ""
-    )
+    ))
     shown = frame[["quantity", "mu_iso"]].assign(
         **{
             "here (COV)": _with_cov(frame["mean"], frame["COV"]),
             "paper (COV)": _with_cov(frame["paper mean"], frame["paper COV"]),
             "difference (%)": frame["difference (%)"],
+            "before shear (COV)": _with_cov(frame["mean before shear"], frame["COV before shear"]),
         }
     )
     shown = shown.sort_values(["quantity", "mu_iso"])
@@ -224,7 +229,9 @@ def _pictures(figures, *starts):
 
 
 def _with_cov(mean, cov):
-    return [f"{webpage.number(m)} ({webpage.number(round(c, 4), 2)})" for m, c in zip(mean, cov, strict=True)]
+    """Means with their COV in brackets, where there is one."""
+    return [webpage.number(m) + (f" ({webpage.number(round(c, 4), 2)})" if np.isfinite(c) else "")
+            for m, c in zip(mean, cov, strict=True)]  # fmt: skip
 
 
 def _sign(symbol):

@@ -143,6 +143,12 @@ class Results:
         with h5py.File(self.path) as file:
             return _group(file, f"families/{family}/{mu_iso:g}/states/{state}/{symbol}")[()]
 
+    def consolidated(self, symbol, mu_iso):
+        """Values (R,) of e, e_m, Z or Z_m after consolidation, one a run (a packing, or a point with `per_point`)."""
+        runs = self.runs[(self.runs["stage"] == "consolidate") & (self.runs["mu_iso"] == mu_iso)]
+        values = runs[symbol].to_numpy(float)
+        return values[np.isfinite(values)]
+
     def state_error(self, state, symbol, mu_iso, family="coupled"):
         """Standard errors (Q,) of a state's values from the fluctuation within the runs, or None if not estimated."""
         with h5py.File(self.path) as file:

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from analysis import paper, weighted
+from analysis.archive import CONSOLIDATED
 from analysis.claims import claims_table
 from analysis.design import design_table
 from analysis.input_bands import input_bands
@@ -59,16 +60,23 @@ def copulas(results) -> pd.DataFrame:
 
 
 def initial_state(results) -> pd.DataFrame:
-    """Mean and COV of e, e_m, Z and Z_m before shearing per density (Table 3), beside the paper's."""
+    """e, e_m, Z and Z_m after consolidation per density (Table 3), beside the paper's, and before shear.
+
+    Mean and COV are over the consolidations, one a packing (or one a point); "before shear" is the average over the
+    points, each at rest again with its own mu_s and G_p.
+    """
     rows = []
     for mu_iso in results.family_densities():
         weight = results.weights(mu_iso)
-        for symbol in ("e", "e_m", "Z", "Z_m"):
-            values = results.state("initial", symbol, mu_iso)
-            mean, cov = float(weighted.mean(values, weight)), float(weighted.cov(values, weight))
+        for symbol in CONSOLIDATED:
+            found, before = results.consolidated(symbol, mu_iso), results.state("initial", symbol, mu_iso)
+            mean = found.mean() if len(found) else np.nan
             theirs, their_cov = paper.INITIAL_STATE.get((symbol, mu_iso), (np.nan, np.nan))
-            rows.append({"mu_iso": mu_iso, "quantity": symbol, "mean": mean, "COV": cov, "paper mean": theirs,
-                         "paper COV": their_cov, "difference (%)": 100 * (mean / theirs - 1)})  # fmt: skip
+            rows.append({"mu_iso": mu_iso, "quantity": symbol, "consolidations": len(found), "mean": float(mean),
+                         "COV": float(found.std(ddof=1) / mean) if len(found) > 1 else np.nan, "paper mean": theirs,
+                         "paper COV": their_cov, "difference (%)": 100 * (mean / theirs - 1),
+                         "mean before shear": float(weighted.mean(before, weight)),
+                         "COV before shear": float(weighted.cov(before, weight))})  # fmt: skip
     return pd.DataFrame(rows)
 
 

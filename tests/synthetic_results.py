@@ -187,7 +187,9 @@ def write_run(row, noise=0.0, end=0.4, windows=80, exit_reason="strain_end"):
         probe = {"G_0": g_0, "G_0_minus": g_0, "K_0": 1.03 * g_0, "d_sigma": 2 * g_0 * d_eps, "d_eps": d_eps}
         _write_product(path, row, {}, [(0.0, "start", snapshot(SIGMA_3))], probe)
     elif row.stage == "consolidate":
-        record = {"steps": np.arange(5) * 100.0, "e": np.full(5, E_0[row.mu_iso]), "Z": np.full(5, Z_0[row.mu_iso])}
+        e, z = E_0[row.mu_iso], Z_0[row.mu_iso]
+        end = {"steps": 400.0, "e": e, "e_m": 1.02 * e + 0.035, "Z": z, "Z_m": 0.8 * z + 1.4}
+        record = {symbol: np.linspace(0.9, 1.0, 5) * value for symbol, value in end.items()}
         _write_product(path, row, record, [(0.0, "end", snapshot(SIGMA_3))], exit_reason="equilibrium")
     else:
         record = _record(row, np.linspace(0, end, windows + 1), noise, rng)
