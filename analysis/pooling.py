@@ -49,9 +49,9 @@ def variance_sources(results, power=12) -> pd.DataFrame:
 def monte_carlo_check(results, power=17) -> pd.DataFrame:
     """Moments and quantiles of every state from the points and from 2^power samples, and how they differ.
 
-    The samples go through the response surface, without noise; "sd, Monte Carlo with noise" has the surface's residual
-    scatter added, which the points carry too.  Differences are points minus Monte Carlo over the latter's standard
-    deviation (of the standard deviation: relative, against the one with noise); all else in shown units.
+    The samples go through the response surface; "sd, Monte Carlo with noise" and the quantiles have the surface's
+    residual scatter added, which the points carry too.  Differences are points minus Monte Carlo over the latter's
+    standard deviation (of the standard deviation: relative, against the one with noise); all else in shown units.
     """
     results = read_results(results)
     rows = []
@@ -61,7 +61,8 @@ def monte_carlo_check(results, power=17) -> pd.DataFrame:
         drawn = factor * surface.predict(samples)[0]
         sd, noisy = drawn.std(), float(np.hypot(drawn.std(), factor * surface.noise[0]))
         pairs = [(weighted.mean(values, weight), drawn.mean()), (weighted.std(values, weight), sd)]
-        pairs += [(weighted.quantile(values, weight, q), np.quantile(drawn, q)) for q in QUANTILES]
+        scattered = drawn + factor * surface.noise[0] * np.random.default_rng(1).normal(size=len(drawn))
+        pairs += [(weighted.quantile(values, weight, q), np.quantile(scattered, q)) for q in QUANTILES]
         off = [(a - b) / noisy if k != 1 else a / noisy - 1 for k, (a, b) in enumerate(pairs)]
         rows.append((mu_iso, state, symbol, *(float(v) for pair in pairs for v in pair), noisy, *map(float, off)))
     names = ("mean", "sd", *(f"{q:.0%}" for q in QUANTILES))

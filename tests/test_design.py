@@ -34,3 +34,13 @@ def test_characteristic_angles_of_known_points(tmp_path):
     exact = friction_angle(synthetic.critical_eta(points["mu_s"])) @ points["probability"]
     assert row["mean (deg)"] == pytest.approx(exact, abs=0.05)
     assert frame.loc[(0.001, "peak"), "mean (deg)"] > frame.loc[(0.1, "peak"), "mean (deg)"] > row["mean (deg)"]
+
+
+def test_bands_are_wider_where_the_inputs_were_refitted(tmp_path):
+    plan, points, settings = synthetic.make_campaign(tmp_path, n=14)
+    width = []
+    for draws in (0, 40):
+        path = build_results(tmp_path, plan, points, settings | {"input_bootstrap": draws})
+        frame = design_table(path, n_boot=40).set_index(["mu_iso", "state"])
+        width.append((frame["mean (deg), to"] - frame["mean (deg), from"])[(0.04, "critical")])
+    assert width[1] > 1.05 * width[0]
