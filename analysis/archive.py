@@ -33,7 +33,7 @@ NOTHING = (
     dict.fromkeys((*TIMES, *PROOFS, *SETTINGS, *CONSOLIDATED), np.nan)
     | dict.fromkeys(("probe_asymmetry", "probe_at_limit", "critical_from"), np.nan)
     | dict.fromkeys((*TEXTS, "unsteady"), "")
-    | {"N": 0, "resumed": 0}
+    | {"N": 0, "resumed": 0, "step_factor": np.nan, "measured_by": ""}
 )
 
 
@@ -53,7 +53,8 @@ def contribution(run: Run) -> Contribution:
     """What the analysis takes from a product.  Raises runfile.RunFileError if something needed is missing."""
     states = run_states(run) if run.stage in STAGE_STATES else None
     facts = {"reason": str(run.attrs.get("exit_reason", "")), "N": int(run.parameters.get("N", 0)),
-             "resumed": int(run.attrs.get("resumed", 0))}  # fmt: skip
+             "resumed": int(run.attrs.get("resumed", 0)),
+             "step_factor": float(run.parameters.get("timestep_factor", np.nan))}  # fmt: skip
     facts |= {name: float(run.timing.get(name, np.nan)) for name in TIMES}
     facts |= {name: float(run.proofs.get(name, np.nan)) for name in PROOFS}
     facts |= {name: str(run.attrs.get(name, "")) for name in TEXTS}
@@ -83,8 +84,10 @@ class Archive(Mapping):
             raise KeyError(run_id)
         with _open(self.path) as file:
             data = file["runs"][run_id]
-            told = json.loads(data.attrs["told"])
             values = list(data[()]) if data.shape else []
+            if _digest(data.attrs["told"], values) != data.attrs["sha256"]:
+                raise ArchiveError(f"{self.path}: run {run_id} has changed since it was written (checksum)")
+            told = json.loads(data.attrs["told"])
             grains = file["grains"][told["grains"]] if told["grains"] else None
             grains = None if grains is None else (grains[()], json.loads(grains.attrs["grading"]))
         states = told["states"]
@@ -121,6 +124,8 @@ def write_archive(path: str | Path, contributions: Mapping[str, Contribution]) -
             runs, grains = file.create_group("runs"), file.create_group("grains")
             for run_id in sorted(contributions):
                 _write(runs, grains, run_id, contributions[run_id])
+        with open(part, "rb") as file:
+            os.fsync(file.fileno())
         os.replace(part, path)
     finally:
         part.unlink(missing_ok=True)
@@ -140,6 +145,7 @@ def _write(runs, grains, run_id: str, given: Contribution) -> None:
     packed = {} if rows is None else {"compression": "gzip", "shuffle": True, "fletcher32": True}
     data = runs.create_dataset(run_id, data=h5py.Empty("f8") if rows is None else rows, **packed)
     data.attrs["told"] = json.dumps(told, default=lambda value: value.item())
+    data.attrs["sha256"] = _digest(data.attrs["told"], [] if rows is None else rows)
 
 
 def _write_grains(grains, diameter, grading: dict) -> str:
@@ -149,6 +155,11 @@ def _write_grains(grains, diameter, grading: dict) -> str:
         grains.create_dataset(name, data=diameter, compression="gzip", shuffle=True, fletcher32=True)
         grains[name].attrs["grading"] = json.dumps(grading, default=lambda value: value.item())
     return name
+
+
+def _digest(told: str, rows) -> str:
+    """Checksum of one run's numbers and texts."""
+    return hashlib.sha256(told.encode() + b"".join(np.ascontiguousarray(row).tobytes() for row in rows)).hexdigest()
 
 
 def _open(path: Path) -> h5py.File:

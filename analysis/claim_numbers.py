@@ -9,12 +9,10 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from scipy import special
+from scipy import special, stats
 
 from analysis import paper, pdem, triaxial, weighted
-from analysis.packing_noise import common_error, packing_scatter
-
-LARGEST_GRADING_COV = 0.002
+from analysis.packing_noise import common_error, own_error
 
 
 @dataclass(frozen=True)
@@ -44,6 +42,13 @@ class Sample:
         if (state, symbol, "common") not in self.store:
             self.store[state, symbol, "common"] = common_error(self.results, state, symbol, self.family)[0]
         return values + (self.shift * self.store[state, symbol, "common"])[:, None]
+
+    def noise(self, state, symbol, mu_iso):
+        """Variance that packings add to single points (`packing_noise.own_error`); 0 where nothing tells it."""
+        key = (state, symbol, mu_iso, "own")
+        if key not in self.store:
+            self.store[key] = np.nan_to_num(own_error(self.results, state, symbol, mu_iso, self.family))
+        return self.store[key]
 
     def spread(self, state, symbol):
         """Standard deviation (D,) of a quantity at a state over all points, not those drawn."""
@@ -190,37 +195,38 @@ def grading_distance(samples):
 def grading_cov(samples):
     """Largest coefficient of variation of I_G_active and I_G_stress, at peak and critical state.
 
-    The scatter between packings at the same point is no variation with the grains' properties: it is taken off, in the
-    squares, where replicate packings tell it; without them a COV above the criterion's size cannot be told from it, and
-    the number is NaN if it is above the paper's own largest.
+    What packings add to single points is no variation with the grains' properties: where replicates tell it, it is
+    taken off, in the squares.
     """
     sample, found = samples["coupled"], []
     for state in ("peak", "critical"):
         for symbol in ("I_G_active", "I_G_stress"):
             values, weight = sample.state(state, symbol), sample.weight
             for k, mu_iso in enumerate(sample.densities):
-                noise = packing_scatter(sample.results, state, symbol, mu_iso)
-                raw = weighted.cov(values[k], weight[k])
-                if np.isfinite(noise):
-                    own = raw**2 - (noise / weighted.mean(values[k], weight[k])) ** 2
-                    found.append(np.sqrt(max(own, 0.0)))
-                else:
-                    found.append(raw if raw <= LARGEST_GRADING_COV else np.nan)
-    return max(found) if np.isfinite(found).all() else np.nan
+                noise = sample.noise(state, symbol, mu_iso) / weighted.mean(values[k], weight[k]) ** 2
+                found.append(np.sqrt(max(weighted.cov(values[k], weight[k]) ** 2 - noise, 0.0)))
+    return max(found)
 
 
 def _initial(samples, symbol):
-    """Means (D,) after consolidation, with an error of the size that replicate packings show, if there are any."""
+    """Means (D,) after consolidation with their error: the relative scatter of consolidations, pooled over densities.
+
+    Widened by Student's t for its degrees of freedom.  With one consolidation a density nothing tells the error, and a
+    drawn sample is NaN.
+    """
     sample = samples["coupled"]
     sets = [sample.results.consolidated(symbol, mu_iso) for mu_iso in sample.densities]
-    if not all(map(len, sets)):
-        return np.full(len(sets), np.nan)
-    errors = [found.std(ddof=1) / np.sqrt(len(found)) if len(found) > 1 else 0.0 for found in sets]
-    return np.array([found.mean() for found in sets]) + sample.shift * errors
+    freedom = sum(len(values) - 1 for values, _ in sets)
+    means = np.array([values @ weight if len(values) else np.nan for values, weight in sets])
+    if freedom < 1:
+        return means if not sample.shift.any() else np.full(len(means), np.nan)
+    squares = sum(np.sum((values / mean - 1) ** 2) for (values, _), mean in zip(sets, means, strict=True))
+    error = np.sqrt(squares / freedom) * stats.t.ppf(0.975, freedom) / stats.norm.ppf(0.975)
+    return means * (1 + sample.shift * error / np.sqrt([len(values) for values, _ in sets]))
 
 
 def initial_step(samples):
-    """Least relative step of e, e_m (up) and Z, Z_m (down) between neighbouring densities before shear."""
+    """Least relative step of e, e_m (up) and Z, Z_m (down) between neighbouring densities after consolidation."""
     steps = []
     for symbol, sign in (("e", 1), ("e_m", 1), ("Z", -1), ("Z_m", -1)):
         mean = _initial(samples, symbol)
@@ -239,6 +245,7 @@ def initial_cov(samples):
     """Largest coefficient of variation of e, e_m, Z and Z_m after consolidation; NaN if points share it."""
     sample = samples["coupled"]
     sets = [sample.results.consolidated(s, m) for s in ("e", "e_m", "Z", "Z_m") for m in sample.densities]
-    if min(map(len, sets)) < len(sample.index):
+    runs = sample.results.runs
+    if ((runs["stage"] == "consolidate") & (runs["point"] < 0)).any() or not all(len(values) for values, _ in sets):
         return np.nan
-    return max(found.std() / found.mean() for found in sets)
+    return max(weighted.cov(values, weight) for values, weight in sets)

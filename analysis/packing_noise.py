@@ -23,6 +23,26 @@ def packing_scatter(results, state, symbol, mu_iso, family="coupled") -> float:
     return float(np.sqrt(np.mean(np.nanvar(sets[:, several], axis=0, ddof=1))))
 
 
+def own_error(results, state, symbol, mu_iso, family="coupled") -> float:
+    """What packings add to single points beyond the offset that all points share: mean variance of the averages.
+
+    From the points that several packings serve (interaction of point and packing), divided by each point's number of
+    packings and averaged with the points' weights; NaN without replicates.
+    """
+    results = read_results(results)
+    sets, weight = results.state_replicates(state, symbol, mu_iso, family), results.weights(mu_iso, family)
+    if sets is None:
+        return float("nan")
+    shared = np.isfinite(sets).all(axis=0)
+    if shared.sum() < 2:
+        return float("nan")
+    rest = sets[:, shared] - sets[:, shared].mean(axis=0) - sets[:, shared].mean(axis=1, keepdims=True)
+    rest += sets[:, shared].mean()
+    variance = np.sum(rest**2) / ((len(sets) - 1) * (shared.sum() - 1))
+    served = np.maximum(np.isfinite(sets).sum(axis=0), 1)
+    return float(variance * np.sum(weight / served) / np.sum(weight))
+
+
 def common_error(results, state, symbol, family="coupled") -> tuple[np.ndarray, float]:
     """Error (D,) that all points of a density may share, and its degrees of freedom.
 

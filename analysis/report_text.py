@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 
 import numpy as np
@@ -46,8 +47,9 @@ SOURCES = (
     "Interparticle friction and shear modulus depend on each other, so most of what one tells the other tells too. "
     "The table splits each variance into what only one of them adds once the other is known, what either explains "
     "(shared), and what a smooth response surface over both leaves over (noise of the packing). Beside it, the "
-    "moments of the points against Monte Carlo samples through that surface, which has no noise in it; last, PDEM's "
-    "densities along strain against such samples with the runs' noise put back."
+    "moments and quantiles of the points against Monte Carlo samples through that surface, which has no noise in it "
+    "(in the quantiles the runs' noise is put back); last, PDEM's densities along strain against such samples with "
+    "the runs' noise."
 )
 
 
@@ -108,7 +110,7 @@ def accuracy(results) -> str:
     """The accuracy setting asked for, and what the shear runs really used."""
     shear = results.runs[(results.runs["stage"] == "shear") & (results.runs["status"] == "done")]
     asked = tomllib.loads(results.attrs["config"]).get("dem", {}).get("accuracy", "")
-    words = {"inertial_number": "inertial number", "strain_end": "axial strain to",
+    words = {"inertial_number": "inertial number (less above mu_s = 0.3)", "strain_end": "axial strain to",
              "timestep_factor": "time step factor", "stiffness_scale": "stiffness factor"}  # fmt: skip
     used = [f"{word} {', '.join(f'{v:g}' for v in sorted(set(shear[name].dropna())))}"
             for name, word in words.items() if name in shear and shear[name].notna().any()]  # fmt: skip
@@ -228,6 +230,13 @@ def run_notes(results) -> list[str]:
         notes.append(
             f"{spared} runs were spared, the error asked for being reached without them: {filled} of "
             f"{len(results.points)} points are not run but filled by regression over the two properties."
+        )
+    present = json.loads(results.attrs["versions"]).get("analysis code", "")
+    older = int((~runs["measured_by"].isin(["", present])).sum())
+    if older:
+        notes.append(
+            f"{older} runs come from an archive that another version of the analysis wrote: their states are as that "
+            "version measured them (measured_by in tables/runs.csv)."
         )
     if early:
         notes.append(

@@ -64,8 +64,9 @@ def design(results):
         ]
     text = (
         "Friction angles in degrees in triaxial compression, sin φ = 3η/(6+η), with 95 % bands from resampling the "
-        "points and from the packing's noise. Every run gives all its grains one pair of properties, so the spread is "
-        "that of the population's mean properties, not the scatter within one deposit."
+        "points, from the packing's noise and from the finite set of measured pairs. Every run gives all its grains "
+        "one pair of properties, so the spread is that of the population's mean properties, not the scatter within one "
+        "deposit."
     )
     return webpage.paragraph(text) + webpage.table(
         frame[["mu_iso", "state", *names.values()]], "Mean and characteristic friction angles (degrees)"

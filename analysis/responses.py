@@ -108,7 +108,8 @@ def _write_density(file, group: FamilyDensity, strain, settings):
     base = file.require_group(f"families/{group.family}")
     if "points" not in base:
         _write_frame(base.create_group("points"), group.points)
-        base["points"].attrs.update(group.points.attrs)
+        base["points"].attrs["planned_share"] = group.points.attrs["planned_share"]
+        file[f"nearest/{group.family}"] = group.points.attrs["nearest"]
     out = base.create_group(f"{group.mu_iso:g}")
     out.attrs.update(group.counts | {"lost_probability": group.lost_probability})
     out["weight"] = group.weight

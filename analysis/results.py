@@ -103,7 +103,7 @@ class Results:
             if "inputs/bootstrap_probability" not in file:
                 return None
             drawn = file["inputs/bootstrap_probability"][()]
-            nearest = file[f"families/{family}/points"].attrs["nearest"]
+            nearest = file[f"nearest/{family}"][()]
         weights = self.weights(mu_iso, family)
         shares = np.zeros((len(drawn), len(weights)))
         np.add.at(shares.T, nearest, drawn.T)
@@ -144,10 +144,14 @@ class Results:
             return _group(file, f"families/{family}/{mu_iso:g}/states/{state}/{symbol}")[()]
 
     def consolidated(self, symbol, mu_iso):
-        """Values (R,) of e, e_m, Z or Z_m after consolidation, one a run (a packing, or a point with `per_point`)."""
+        """Values (R,) and weights (R,) of e, e_m, Z or Z_m after consolidation.
+
+        One a packing; with `per_point` one a point, weighted as the points are.
+        """
         runs = self.runs[(self.runs["stage"] == "consolidate") & (self.runs["mu_iso"] == mu_iso)]
-        values = runs[symbol].to_numpy(float)
-        return values[np.isfinite(values)]
+        runs = runs[np.isfinite(runs[symbol].astype(float))]
+        weights = runs["point"].map(self.points.set_index("id")["probability"]).fillna(1.0).to_numpy(float)
+        return runs[symbol].to_numpy(float), weights / weights.sum() if len(weights) else weights
 
     def state_error(self, state, symbol, mu_iso, family="coupled"):
         """Standard errors (Q,) of a state's values from the fluctuation within the runs, or None if not estimated."""

@@ -69,10 +69,10 @@ def initial_state(results) -> pd.DataFrame:
     for mu_iso in results.family_densities():
         weight = results.weights(mu_iso)
         for symbol in CONSOLIDATED:
-            found, before = results.consolidated(symbol, mu_iso), results.state("initial", symbol, mu_iso)
-            mean = found.mean() if len(found) else np.nan
+            (found, share), before = results.consolidated(symbol, mu_iso), results.state("initial", symbol, mu_iso)
+            mean = float(found @ share) if len(found) else np.nan
             theirs, their_cov = paper.INITIAL_STATE.get((symbol, mu_iso), (np.nan, np.nan))
-            rows.append({"mu_iso": mu_iso, "quantity": symbol, "consolidations": len(found), "mean": float(mean),
+            rows.append({"mu_iso": mu_iso, "quantity": symbol, "consolidations": len(found), "mean": mean,
                          "COV": float(found.std(ddof=1) / mean) if len(found) > 1 else np.nan, "paper mean": theirs,
                          "paper COV": their_cov, "difference (%)": 100 * (mean / theirs - 1),
                          "mean before shear": float(weighted.mean(before, weight)),

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import stdtrit
 
-#: Strain over which the stress ratio at the critical state forgets itself, and so the least length of a block.
+#: Strain over which the stress ratio at the critical state forgets itself, and so about the length of a block.
 CORRELATION_STRAIN = 0.03
 #: Largest half-width of a local fit; nearer to the start it is half the strain.  Wide, because the largest of many
 #: scattered values is too large: for a flat curve the peak of 1,000 grains comes out 4 % high with it, 6 % with 0.02.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from campaign import enough
@@ -25,10 +25,11 @@ def analyse(config: Config, folder: Path, rows: list[Row]) -> str:
 
     Raises PlanError when runs are missing or refused, and the analysis' own errors.
     """
-    states = _usable(folder, rows)
+    spared = enough.spared(config, folder, rows)
+    states = _usable(folder, rows, spared=spared)
     left = [s for s in states.values() if s.state not in ("done", "failed")]
-    spared = enough.spared(config, folder, rows) & {s.run_id for s in left if s.state == "missing"}
-    left = [s for s in left if s.run_id not in spared]
+    spared &= {s.run_id for s in left if s.state == "spared"}
+    left = [s for s in left if s.state != "spared"]
     if left:
         raise PlanError(f"{len(left)} of {len(rows)} runs have no product yet ({left[0].run_id}); `run` makes them")
     write_blocked(folder, states)
@@ -39,7 +40,7 @@ def analyse(config: Config, folder: Path, rows: list[Row]) -> str:
 
     from analysis import responses, tables
 
-    _usable(folder, rows, rehash=True)  # before numbers are made of them, read every byte again
+    _usable(folder, rows, rehash=True, spared=spared)  # before numbers are made of them, read every byte again
     results = responses.build_results(folder, plan_frame(folder, rows, spared), pd.DataFrame(read_points(folder)),
                                       _settings(config, folder))  # fmt: skip
     tables.write_tables(results, folder)
@@ -59,14 +60,18 @@ def archive(config: Config, folder: Path, rows: list[Row]) -> str:
     had = Archive(path)
     states = _usable(folder, rows, rehash=True)
     done = [s.run_id for s in states.values() if s.state == "done" and not s.facts.get("archived")]
-    kept = {run_id: contribution(read_run(folder / f"products/{run_id}.h5")) for run_id in done}
+    code = {"measured_by": code_digest(ANALYSIS)[:12]}
+    found = {run_id: contribution(read_run(folder / f"products/{run_id}.h5")) for run_id in done}
+    kept = {run_id: replace(given, facts=given.facts | code) for run_id, given in found.items()}
     write_archive(path, {**{run_id: had[run_id] for run_id in had if run_id not in kept}, **kept})
     return f"{folder.name}: {path.name} keeps {len(set(had) | set(kept))} runs, {path.stat().st_size / 2**20:.1f} MiB"
 
 
-def _usable(folder: Path, rows: list[Row], rehash: bool = False) -> dict[str, State]:
+def _usable(
+    folder: Path, rows: list[Row], rehash: bool = False, spared: frozenset[str] = frozenset()
+) -> dict[str, State]:
     """The states of all rows.  Raises PlanError where a product is there and cannot be used."""
-    states = look(folder, rows, rehash=rehash)
+    states = look(folder, rows, rehash=rehash, spared=spared)
     if bad := [s for s in states.values() if s.state == "refused"]:
         raise PlanError(f"products/{bad[0].run_id}.h5: {bad[0].reason} ({len(bad)} such products)")
     return states

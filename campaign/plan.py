@@ -63,22 +63,21 @@ def make_rows(config: Config, points: list[dict]) -> list[Row]:
     points: dicts with id, mu_s and G_p (Pa).  Rows that two families share stand once, under family "shared".
     """
     rows: dict[str, Row] = {}
-    replicated = _spread(points, "mu_s", config.assembly.replicate_points)
     for packing in config.assembly.packings:
-        served = points if packing == config.assembly.packings[0] else replicated
+        first = packing == config.assembly.packings[0]
         for mu_iso in config.consolidation.mu_iso:
-            for family, fixed, own in _families(config, points):
-                for point in (p for p in own if p in served):
+            for family, fixed, own in _families(config, points, first):
+                for point in own if first else _spread(own, "mu_s", config.assembly.replicate_points):
                     _chain(rows, config, family, packing, mu_iso, point, fixed)
     order = {stage: k for k, stage in enumerate(STAGES)}
     return sorted(rows.values(), key=lambda r: (order[r.stage], -r.particle_steps, r.run_id))
 
 
-def _families(config: Config, points: list[dict]):
-    """Family, its fixed mu_s (None: each point has its own), and its points."""
+def _families(config: Config, points: list[dict], first: bool):
+    """Family, its fixed mu_s (None: each point has its own), and its points; a second family has one packing."""
     if config.families.coupled:
         yield "coupled", None, points
-    if config.families.G_p_only:
+    if config.families.G_p_only and (first or not config.families.coupled):
         yield "G_p", config.families.mu_s_fixed, _spread(points, "G_p", config.families.G_p_points)
 
 

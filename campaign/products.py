@@ -2,7 +2,8 @@
 
 A run is done when its product is there, its checksum holds and the parameters in it are the plan's.  The outcome of a
 check is kept in products/checked.json beside the file's size and times, so that looking again costs one `stat`.
-Without a product a run is done, too, if the folder's archive (runs.h5) has it and no missing run starts from it.
+Without a product a run is done, too, if the folder's archive (runs.h5) has it and no run still to be made starts
+from it.
 """
 
 from __future__ import annotations
@@ -47,6 +48,8 @@ def look(
     names = set(os.listdir(products)) if products.is_dir() else set()
     cache = {} if rehash else read_json(products / CHECKED, {})
     fresh, states, sums, kept = dict(cache), {}, None, archived(folder)
+    if kept:
+        _forget_needed_starts(kept, rows, names, spared)
     for row in rows:
         name = f"{row.run_id}.h5"
         if name in names:
@@ -59,7 +62,7 @@ def look(
             bad = entry["reason"]
             states[row.run_id] = State(row.run_id, "refused" if bad else "done", bad, entry["facts"])
         elif row.run_id in kept:
-            states[row.run_id] = State(row.run_id, "done", "", kept[row.run_id])
+            states[row.run_id] = State(row.run_id, "done", "", _facts(kept[row.run_id], row))
         elif f"{row.run_id}.failed.json" in names:
             states[row.run_id] = _failed(products, row, states)
         elif f".{row.run_id}.lock" in names and is_locked(products / f".{row.run_id}.lock"):
@@ -70,24 +73,38 @@ def look(
             states[row.run_id] = State(row.run_id, "missing")
         if row.run_id in spared and states[row.run_id].state == "missing":
             states[row.run_id] = State(row.run_id, "spared")
-    for row in reversed(rows):  # what a missing run starts from must be there as a product
-        if row.start in kept and f"{row.start}.h5" not in names and states[row.run_id].state == "missing":
-            states[row.start] = State(row.start, "missing")
     if fresh != cache:
         _keep(products / CHECKED, fresh)
     return states
 
 
 def archived(folder: Path) -> dict[str, dict]:
-    """Run id -> what status tells of it, for the runs that the folder's archive keeps."""
+    """Run id -> what the folder's archive tells of the run (`analysis.archive`); empty without an archive."""
     path = folder / ARCHIVE
     if not path.exists():
         return {}
     from analysis.archive import Archive
 
-    told = {run_id: facts | {"exit_reason": facts["reason"]} for run_id, facts in Archive(path).facts().items()}
-    names = ("cpu_seconds", "wall_seconds", "steps", "exit_reason", "script_digest", "resumed")
-    return {run_id: {k: f[k] for k in names} | {"archived": True} for run_id, f in told.items()}
+    return Archive(path).facts()
+
+
+def _forget_needed_starts(kept: dict, rows: list[Row], names: set[str], spared: frozenset[str]) -> None:
+    """Take from the archive's runs those that a run still to be made starts from: it needs their product."""
+    for row in reversed(rows):
+        outcome = {f"{row.run_id}.h5", f"{row.run_id}.failed.json"} & names or {row.run_id} & (kept.keys() | spared)
+        if not outcome:
+            kept.pop(row.start, None)
+
+
+def _facts(told: dict, row: Row) -> dict:
+    """What status tells of an archived run, as `inspect` does of a product."""
+    facts = {name: told[name] for name in ("cpu_seconds", "wall_seconds", "steps")}
+    facts |= {"exit_reason": told["reason"], "script_digest": told["script_digest"][:12], "archived": True}
+    if told["resumed"]:
+        facts["resumed"] = told["resumed"]
+    if told["step_factor"] != row.values["timestep_factor"]:
+        facts["retried"] = True
+    return facts
 
 
 def clear_the_way(
@@ -104,10 +121,10 @@ def clear_the_way(
 
 
 def stale(folder: Path, rows: list[Row]) -> list[str]:
-    """Run ids with a product that the plan no longer names: kept, never used."""
+    """Run ids with a product, or in the archive, that the plan no longer names: kept, never used."""
     names = os.listdir(folder / "products") if (folder / "products").is_dir() else []
-    planned = {row.run_id for row in rows}
-    return sorted(n[:-3] for n in names if n.endswith(".h5") and not n.startswith(".") and n[:-3] not in planned)
+    found = {n[:-3] for n in names if n.endswith(".h5") and not n.startswith(".")} | archived(folder).keys()
+    return sorted(found - {row.run_id for row in rows})
 
 
 def write_failure(products: Path, run_id: str, reason: str, log: str = "", **facts) -> None:

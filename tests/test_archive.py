@@ -12,7 +12,7 @@ from analysis.archive import Archive, ArchiveError, contribution, write_archive
 from analysis.responses import build_results
 from analysis.runfile import read_run
 from campaign.evaluate import archive
-from campaign.products import look
+from campaign.products import clear_the_way, look, stale, write_failure
 
 
 @pytest.fixture
@@ -87,6 +87,36 @@ def test_archiving_again_keeps_runs_whose_products_are_gone(small):
     drop(small, "probe")
     text = archive(small.config, small.folder, small.rows)
     assert sorted(Archive(small.folder / "runs.h5")) == whole and f"keeps {len(small.rows)} runs" in text
+
+
+def test_spared_runs_do_not_call_for_their_starts(small):
+    with h5py.File(small.folder / "runs.h5", "a") as file:
+        del file["runs"][small.rows[-1].run_id]
+    drop(small, "consolidate", "probe", "shear")
+    spared = frozenset({small.rows[-1].run_id})
+    words = {run_id: s.state for run_id, s in look(small.folder, small.rows, spared=spared).items()}
+    assert words.pop(small.rows[-1].run_id) == "spared" and set(words.values()) == {"done"}
+
+
+def test_a_start_that_fails_when_made_again_is_failed(small):
+    with h5py.File(small.folder / "runs.h5", "a") as file:
+        del file["runs"][small.rows[-1].run_id]
+    drop(small, "consolidate", "probe", "shear")
+    start = small.rows[-1].start
+    write_failure(small.folder / "products", start, "equilibrium not reached")
+    states = look(small.folder, small.rows)
+    assert states[start].state == "failed" and states[small.rows[-1].run_id].state == "failed"
+    _, again = clear_the_way(small.folder, small.rows, again=True, spared=frozenset())
+    assert {row.stage for row in again} == {"consolidate", "probe", "shear"} and len(again) == 3
+
+
+def test_archived_runs_of_another_plan_are_stale_and_changed_ones_are_refused(small):
+    with h5py.File(small.folder / "runs.h5", "a") as file:
+        file["runs"].move(small.rows[-1].run_id, "shear_of_another_plan")
+        file["runs"][small.rows[-2].run_id].attrs["told"] += " "
+    assert stale(small.folder, small.rows) == ["shear_of_another_plan"]
+    with pytest.raises(ArchiveError, match=f"run {small.rows[-2].run_id} has changed"):
+        Archive(small.folder / "runs.h5")[small.rows[-2].run_id]
 
 
 def test_no_archive_holds_nothing_and_another_file_is_refused_by_name(tmp_path):

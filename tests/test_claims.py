@@ -27,7 +27,8 @@ def table(results):
 @pytest.mark.parametrize("low, high, sense, limit, outcome", [
     (0.1, 0.2, "<=", 0.25, HELD), (0.3, 0.4, "<=", 0.25, NOT_HELD), (0.2, 0.3, "<=", 0.25, OPEN),
     (0.6, 0.7, ">=", 0.5, HELD), (0.3, 0.4, ">=", 0.5, NOT_HELD), (0.4, 0.6, ">=", 0.5, OPEN),
-    (np.nan, 0.4, ">=", 0.5, OPEN), (0.5, 0.5, ">=", 0.5, HELD),
+    (np.nan, 0.4, ">=", 0.5, OPEN), (0.5, 0.5, ">=", 0.5, HELD), (-0.1, 0.2, "|x| <=", 0.25, HELD),
+    (-0.4, -0.3, "|x| <=", 0.25, NOT_HELD), (-0.3, 0.1, "|x| <=", 0.25, OPEN),
 ])  # fmt: skip
 def test_the_verdict_follows_the_whole_interval(low, high, sense, limit, outcome):
     assert verdict(low, high, sense, limit) == outcome
@@ -76,8 +77,9 @@ def test_the_steady_strain_is_that_of_the_closed_form(results, table):
 def test_table_3_and_grading(table):
     mine = max(abs((1.02 * synthetic.E_0[m] + 0.035) / paper.INITIAL_STATE[("e_m", m)][0] - 1) for m in (0.001, 0.1))
     row = table.loc["The initial states are those of Table 3"]
-    assert row["value"] == pytest.approx(mine, rel=1e-3) and row["verdict"] == NOT_HELD
-    assert table.loc["e and e_m grow and Z and Z_m fall with mu_iso", "verdict"] == HELD
+    assert row["value"] == pytest.approx(mine, rel=1e-3) and row["verdict"] == OPEN  # one packing has no error
+    row = table.loc["e and e_m grow and Z and Z_m fall with mu_iso"]
+    assert row["value"] > 0.02 and row["verdict"] == OPEN
     assert table.loc["I_G_active and I_G_stress hardly vary (COV about 0.001)", "verdict"] == HELD
 
 

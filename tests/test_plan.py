@@ -55,6 +55,13 @@ def test_second_family_of_few_points_is_spread_over_G_p():
     assert {r.G_p for r in own} == {ranked[1], ranked[4]} and len(own) == 6
 
 
+def test_a_second_family_has_one_packing():
+    rows = rows_of("[families]\nG_p_only = true\n[assembly]\npackings = [7, 8]")
+    assert {r.packing for r in rows if r.family == "G_p"} == {7}
+    alone = rows_of("[families]\ncoupled = false\nG_p_only = true\n[assembly]\npackings = [7, 8]")
+    assert {r.packing for r in alone if r.family == "G_p"} == {7, 8}
+
+
 def test_replicates_serve_some_points_spread_over_mu_s():
     rows = rows_of("[assembly]\npackings = [7, 8]\nreplicate_points = 2")
     assert {r.point for r in rows if r.packing == 8 and r.stage == "shear"} == {1, 4}
