@@ -31,7 +31,7 @@ TEXTS = ("created", "yade_version", "script_digest")
 #: What a run without a product has in place of each number and text.
 NOTHING = (
     dict.fromkeys((*TIMES, *PROOFS, *SETTINGS, *CONSOLIDATED), np.nan)
-    | dict.fromkeys(("probe_asymmetry", "probe_at_limit", "critical_from"), np.nan)
+    | dict.fromkeys(("probe_asymmetry", "probe_at_limit", "critical_from", "drift_eta", "drift_e"), np.nan)
     | dict.fromkeys((*TEXTS, "unsteady"), "")
     | {"N": 0, "resumed": 0, "step_factor": np.nan, "measured_by": ""}
 )
@@ -61,6 +61,7 @@ def contribution(run: Run) -> Contribution:
     if run.stage == "shear":
         facts |= {name: float(run.parameters.get(name, np.nan)) for name in SETTINGS}
         facts |= {"critical_from": float(states.critical_from), "unsteady": states.unsteady}
+        facts |= {f"drift_{symbol}": float(value) for symbol, value in states.drift.items()}
     if run.stage == "consolidate":
         facts |= {symbol: float(run.record[symbol][-1]) for symbol in CONSOLIDATED if symbol in run.record}
     facts["probe_asymmetry"] = probe_asymmetry(run.probe)
@@ -137,7 +138,7 @@ def _write(runs, grains, run_id: str, given: Contribution) -> None:
     rows = None
     if (s := given.states) is not None:
         told["states"] = {name: getattr(s, name) for name in ("states", "errors", "steady_end", "critical_from",
-                                                              "unsteady")}  # fmt: skip
+                                                              "unsteady", "drift")}  # fmt: skip
         curves = {"eps_a": s.eps_a, **s.responses} if s.responses else {}
         told["symbols"] = list(curves)
         rows = np.array(list(curves.values())) if curves else None

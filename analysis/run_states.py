@@ -23,8 +23,9 @@ class RunStates:
     """What one run contributes: `responses` symbol -> (T,) over `eps_a` (T,), `states` state -> symbol -> value.
 
     `errors` holds standard errors of state values from the run's own fluctuation; `steady_end` says that the run
-    stopped because its critical state was steady; `critical_from` (strain) and `unsteady` (a reason, empty if the proof
-    holds) say what the critical averages rest on; `grains` is (diameters (N,) m, grading attributes) of a shear run.
+    stopped because its critical state was steady; `critical_from` (strain), `drift` (of eta and e over the critical
+    part, relative) and `unsteady` (a reason, empty if the proof holds) say what the critical averages rest on;
+    `grains` is (diameters (N,) m, grading attributes) of a shear run.
     """
 
     eps_a: np.ndarray = field(default_factory=lambda: np.empty(0))
@@ -34,6 +35,7 @@ class RunStates:
     steady_end: bool = False
     critical_from: float = np.nan
     unsteady: str = ""
+    drift: dict[str, float] = field(default_factory=dict)
     grains: tuple[np.ndarray, dict] | None = None
 
 
@@ -73,6 +75,7 @@ def run_states(run: Run) -> RunStates:
         eps_a=strain, responses=responses, states=states, steady_end=run.attrs.get("exit_reason") == "steady",
         errors={"peak": {"eta": peak.eta_error}, "critical": dict(critical.error)}, grains=_grains(run),
         critical_from=critical.eps_from, unsteady=critical.reason,
+        drift={symbol: critical.drift[symbol] for symbol in ("eta", "e")},
     )  # fmt: skip
 
 

@@ -127,7 +127,7 @@ def critical_state(
 
     Steady means: the record goes past `start` by at least one block, and for every symbol in `tolerance` (relative;
     eta 0.05 and e 0.01 if not given) the drift over the part is either below it or within two of its standard errors,
-    which themselves are no larger than twice the tolerance: a drift that cannot be told from scatter proves nothing.
+    which themselves are no larger than the tolerance: a drift that cannot be told from scatter proves nothing.
     A record that ends earlier yields the averages over its last 40 %, marked as not steady.
     Raises TriaxialError as `peak_state` does.
     """
@@ -145,8 +145,8 @@ def critical_state(
         if not reason and name in out:
             _, _, drift, drift_error, _ = out[name]
             part_text = f"over {start:.3g}-{strain[-1]:.3g}"
-            if drift_error > 2.0 * limit:
-                reason = f"{name}'s drift {part_text} is known to {drift_error:.1%} only, {2 * limit:.1%} are needed"
+            if drift_error > limit:
+                reason = f"{name}'s drift {part_text} is known to {drift_error:.1%} only, {limit:.1%} are needed"
             elif abs(drift) > max(limit, 2.0 * drift_error):
                 reason = f"{name} drifts by {drift:+.2%} {part_text}, limit {limit:.1%}"
     columns = [dict(zip(out, column, strict=True)) for column in zip(*out.values(), strict=True)]
