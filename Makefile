@@ -23,7 +23,7 @@ campaign: setup ## run the default campaign, from the measured pairs to the repo
 laptop: setup ## the paper's campaign at reduced size; hours, can be stopped and taken up again
 	@$(PYTHON) -m campaign all campaign/laptop.toml
 
-laptop-data: laptop ## the laptop campaign's results, tables, figures and example runs into data/laptop
+laptop-data: setup ## the laptop campaign from where data/laptop left it, its results, figures and report into data/laptop
 	@$(PYTHON) data/make_laptop.py
 
 report: ## every table and figure and the report from data/laptop/results.h5; a minute, no YADE

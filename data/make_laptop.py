@@ -1,14 +1,19 @@
-"""Fills data/laptop from the finished laptop campaign: results.h5, example runs, tables, figures and the report.
+"""Runs the laptop campaign from where data/laptop left it and fills data/laptop from it.
 
-/usr/bin/python3 data/make_laptop.py [runs/laptop]
+/usr/bin/python3 data/make_laptop.py [--unfinished] [runs/laptop]
 
-Whatever fidelity.csv and beyond.csv the benchmarks have left in data/laptop goes into the report.  The example runs are
-the chain consolidate -> probe -> shear of one point at one density, the point nearest to the median friction.
+data/laptop keeps an archive of all runs (runs.h5) with the points they belong to, so the campaign goes on from there on
+any machine: only what is missing is run.  Then results.h5, tables, figures, the report and the example runs are made,
+with whatever fidelity.csv and beyond.csv the benchmarks have left in data/laptop.  The example runs are the chain
+consolidate -> probe -> shear of one point at one density, the point nearest to the median friction.  --unfinished keeps
+the runs of a sitting in the archive and stops there.
 """
 
 from __future__ import annotations
 
+import argparse
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -19,20 +24,58 @@ from analysis.results import read_results  # noqa: E402
 from campaign.evaluate import report_of_file  # noqa: E402
 
 TARGET = ROOT / "data" / "laptop"
+#: What a campaign goes on from.
+ARCHIVE = ("runs.h5", "points.csv", "inputs.json")
 LIMIT_MIB = 25
 
 
-def main(folder: Path, target: Path = TARGET) -> None:
-    """Copy, draw and say what it takes; a results.h5 above 25 MiB is refused."""
-    size = (folder / "results.h5").stat().st_size / 2**20
-    if size > LIMIT_MIB:
-        sys.exit(f"{folder}/results.h5: {size:.1f} MiB, limit {LIMIT_MIB} MiB")
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "runs" / "laptop")
+    parser.add_argument("--unfinished", action="store_true", help="archive the runs there are, run nothing")
+    args = parser.parse_args()
+    take_up(TARGET, args.folder)
+    for command in ("archive",) if args.unfinished else ("all", "archive"):
+        line = [sys.executable, "-m", "campaign", command, "campaign/laptop.toml", "--folder", str(args.folder)]
+        if code := subprocess.run(line, cwd=ROOT).returncode:
+            sys.exit(code)
+    keep(args.folder, TARGET)
+    if not args.unfinished:
+        fill(args.folder, TARGET)
+
+
+def take_up(target: Path, folder: Path) -> None:
+    """Give a folder that has no campaign yet the archive, the points and the failures kept in the repository."""
+    if (folder / "points.csv").exists() or not (target / "runs.h5").exists():
+        return
+    (folder / "products").mkdir(parents=True, exist_ok=True)
+    for name in ARCHIVE:
+        shutil.copyfile(target / name, folder / name)
+    for path in target.glob("*.failed.json"):
+        shutil.copyfile(path, folder / "products" / path.name)
+
+
+def keep(folder: Path, target: Path) -> None:
+    """Copy archive, points and failures; an archive above 25 MiB is refused."""
+    target.mkdir(parents=True, exist_ok=True)
+    _small_enough(folder / "runs.h5")
+    for path in [*(folder / name for name in ARCHIVE), *(folder / "products").glob("*.failed.json")]:
+        shutil.copyfile(path, target / path.name)
+
+
+def fill(folder: Path, target: Path) -> None:
+    """Copy results and example runs, draw, and say what it takes; a results.h5 above 25 MiB is refused."""
+    size = _small_enough(folder / "results.h5")
     target.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(folder / "results.h5", target / "results.h5")
     results = read_results(target / "results.h5")
     (target / "example_runs").mkdir(exist_ok=True)
     for run_id in example_runs(results):
-        shutil.copyfile(folder / "products" / f"{run_id}.h5", target / "example_runs" / f"{run_id}.h5")
+        path, kept = folder / "products" / f"{run_id}.h5", target / "example_runs" / f"{run_id}.h5"
+        if path.exists():
+            shutil.copyfile(path, kept)
+        elif not kept.exists():
+            print(f"{run_id}: no product here, only its archive; the example runs lack it", file=sys.stderr)
     print(report_of_file(target / "results.h5", target))
     for path in (target, target / "example_runs"):
         kept = sum(p.stat().st_size for p in path.rglob("*") if p.is_file()) / 2**20
@@ -50,5 +93,13 @@ def example_runs(results) -> list[str]:
     return list(chain.drop_duplicates("stage")["run_id"])
 
 
+def _small_enough(path: Path) -> float:
+    """Size in MiB of a file for the repository; ends with one line if it is too large."""
+    size = path.stat().st_size / 2**20
+    if size > LIMIT_MIB:
+        sys.exit(f"{path}: {size:.1f} MiB, limit {LIMIT_MIB} MiB")
+    return size
+
+
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "runs" / "laptop")
+    main()

@@ -12,6 +12,7 @@ import h5py
 import pandas as pd
 import pytest
 import synthetic_results as synthetic
+from campaign_cases import finish, make_small
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "data"))
@@ -22,6 +23,8 @@ from analysis import runfile  # noqa: E402
 from analysis.figures import write_figures  # noqa: E402
 from analysis.results import read_results  # noqa: E402
 from analysis.tables import write_tables  # noqa: E402
+from campaign.evaluate import archive  # noqa: E402
+from campaign.products import look, write_failure  # noqa: E402
 
 LAPTOP = ROOT / "data" / "laptop"
 needs_laptop = pytest.mark.skipif(not (LAPTOP / "results.h5").exists(), reason="data/laptop holds no results yet")
@@ -69,7 +72,7 @@ def test_filling_it_copies_results_and_one_chain_of_runs(tmp_path, monkeypatch):
     build_results(tmp_path / "run", plan, points, settings)
     monkeypatch.setattr(make_laptop, "report_of_file", lambda results, folder: f"{results} {folder}")
     target = tmp_path / "data" / "laptop"
-    make_laptop.main(tmp_path / "run", target)
+    make_laptop.fill(tmp_path / "run", target)
     kept = {path.stem for path in (target / "example_runs").glob("*.h5")}
     middle = int(points.loc[(points["mu_s"] - points["mu_s"].median()).abs().idxmin(), "id"])
     rest = {f"{stage}_coupled_{middle}_iso0.04_s1" for stage in ("probe", "shear")}
@@ -77,11 +80,25 @@ def test_filling_it_copies_results_and_one_chain_of_runs(tmp_path, monkeypatch):
     assert (target / "results.h5").read_bytes() == (tmp_path / "run" / "results.h5").read_bytes()
 
 
+def test_a_sitting_on_another_machine_starts_with_what_the_archive_keeps(tmp_path):
+    small = finish(make_small(tmp_path))
+    archive(small.config, small.folder, small.rows)
+    write_failure(small.folder / "products", "shear_x", "blow-up")
+    target, elsewhere = tmp_path / "data", tmp_path / "elsewhere"
+    make_laptop.keep(small.folder, target)
+    make_laptop.take_up(target, elsewhere)
+    assert {s.state for s in look(elsewhere, small.rows).values()} == {"done"}
+    assert (elsewhere / "products" / "shear_x.failed.json").exists()
+    (elsewhere / "points.csv").write_text("another plan")
+    make_laptop.take_up(target, elsewhere)
+    assert (elsewhere / "points.csv").read_text() == "another plan"
+
+
 def test_results_too_big_for_the_repository_are_refused(tmp_path, monkeypatch):
     shutil.copyfile(synthetic.example(), tmp_path / "results.h5")
     monkeypatch.setattr(make_laptop, "LIMIT_MIB", 0.01)
     with pytest.raises(SystemExit, match="limit 0.01 MiB"):
-        make_laptop.main(tmp_path, tmp_path / "target")
+        make_laptop.fill(tmp_path, tmp_path / "target")
     assert not (tmp_path / "target").exists()
 
 
