@@ -14,6 +14,9 @@ from scipy import special, stats
 from analysis import paper, pdem, triaxial, weighted
 from analysis.packing_noise import common_error, own_error
 
+#: Half-width, in strain, over which mean curves are smoothed.
+SMOOTHER = 0.04
+
 
 @dataclass(frozen=True)
 class Sample:
@@ -65,7 +68,7 @@ class Sample:
         """Matrix (T, T) that smooths a curve along strain, over 4 % to either side."""
         strain = self.results.strain
         if "smoother" not in self.store:
-            self.store["smoother"] = triaxial.smooth(strain, np.eye(len(strain)), width=0.04)
+            self.store["smoother"] = triaxial.smooth(strain, np.eye(len(strain)), width=SMOOTHER)
         return self.store["smoother"]
 
     def driver(self, symbol):
@@ -166,7 +169,10 @@ def least_correlation(samples, symbol, sign):
 
 
 def steady_strain(samples, symbol, tolerance):
-    """Strain beyond which the smoothed mean of every density stays within a relative tolerance of its final average."""
+    """Strain beyond which the smoothed mean of every density stays within a relative tolerance of its final average.
+
+    Judged where the smoothing has rows on both sides: at the end of the record it follows the last few.
+    """
     sample = samples["coupled"]
     strain = sample.results.strain
     if strain[-1] < paper.STEADY_STRAIN + 2 * triaxial.CORRELATION_STRAIN:
@@ -176,7 +182,7 @@ def steady_strain(samples, symbol, tolerance):
     for values, weight in zip(sample.curve(symbol), sample.weight, strict=True):
         mean = sample.smoother @ weighted.mean(values, weight)
         final = mean[last].mean()
-        off = np.flatnonzero(np.abs(mean / final - 1) > tolerance)
+        off = np.flatnonzero((np.abs(mean / final - 1) > tolerance) & (strain <= strain[-1] - SMOOTHER))
         starts.append(strain[min(off[-1] + 1, len(strain) - 1)] if len(off) else strain[0])
     return max(starts)
 

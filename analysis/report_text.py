@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import tomllib
 
 import numpy as np
@@ -231,7 +230,7 @@ def run_notes(results) -> list[str]:
             f"{spared} runs were spared, the error asked for being reached without them: {filled} of "
             f"{len(results.points)} points are not run but filled by regression over the two properties."
         )
-    present = json.loads(results.attrs["versions"]).get("analysis code", "")
+    present = results.attrs["versions"].get("analysis code", "")
     older = int((~runs["measured_by"].isin(["", present])).sum())
     if older:
         notes.append(
