@@ -109,7 +109,7 @@ def accuracy(results) -> str:
     """The accuracy setting asked for, and what the shear runs really used."""
     shear = results.runs[(results.runs["stage"] == "shear") & (results.runs["status"] == "done")]
     asked = tomllib.loads(results.attrs["config"]).get("dem", {}).get("accuracy", "")
-    words = {"inertial_number": "inertial number (less above mu_s = 0.3)", "strain_end": "axial strain to",
+    words = {"inertial_number": "inertial number (limited above mu_s = 0.3)", "strain_end": "axial strain to",
              "timestep_factor": "time step factor", "stiffness_scale": "stiffness factor"}  # fmt: skip
     used = [f"{word} {', '.join(f'{v:g}' for v in sorted(set(shear[name].dropna())))}"
             for name, word in words.items() if name in shear and shear[name].notna().any()]  # fmt: skip

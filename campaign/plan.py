@@ -26,8 +26,8 @@ PARTICLE_STEPS_PER_CPU_SECOND = 0.9e6
 SECONDS_PER_START = 1.5
 #: How much larger the step is with `dem.density_scaling` (shear runs at N = 1,000: 1.80 to 1.85).
 BALANCED_STEP = 1.85
-#: Friction above which shear is slower (yade_scripts/rve.py).
-FULL_RATE_FRICTION = 0.3
+#: Friction above which the inertial number of shear has a limit, and that at the threshold (yade_scripts/rve.py).
+FULL_RATE_FRICTION, FULL_RATE = 0.3, 2.4e-3
 RETRY_STEP = 0.5
 
 
@@ -139,7 +139,9 @@ def predicted_steps(stage: str, values: dict) -> float:
     stiff = (values["G_p"] * values["stiffness_scale"] / values["sigma_3"]) ** (1.0 / 3.0)
     step = values["timestep_factor"] / 0.8 * (BALANCED_STEP if values["density_scaling"] else 1.0)
     if stage == "shear":
-        rate = values["inertial_number"] * FULL_RATE_FRICTION / max(FULL_RATE_FRICTION, values["mu_s"])
+        rate = values["inertial_number"]
+        if values["mu_s"] > FULL_RATE_FRICTION:
+            rate = min(rate, FULL_RATE * FULL_RATE_FRICTION / values["mu_s"])
         return 8.0 * values["strain_end"] / rate * stiff / step
     return {"consolidate": 900.0, "probe": 150.0}[stage] * stiff / step
 
