@@ -107,7 +107,9 @@ def test_predicted_steps_follow_the_cost_law():
     assert predicted_steps("shear", values | {"inertial_number": 1e-3}) == pytest.approx(2.03e5, rel=0.01)
     assert predicted_steps("shear", values | {"G_p": 8 * 25.7e9}) == pytest.approx(4.07e6, rel=0.01)
     assert predicted_steps("shear", values | {"timestep_factor": 1.6}) == pytest.approx(1.02e6, rel=0.01)
-    assert predicted_steps("shear", values | {"mu_s": 0.6}) == pytest.approx(4.07e6, rel=0.01)
+    assert predicted_steps("shear", values | {"mu_s": 0.6}) == predicted_steps("shear", values)
+    fast = values | {"inertial_number": 2.4e-3}
+    assert predicted_steps("shear", fast | {"mu_s": 0.6}) == pytest.approx(2 * predicted_steps("shear", fast))
     assert predicted_steps("shear", values | {"density_scaling": 1}) == pytest.approx(1.10e6, rel=0.01)
 
 
