@@ -74,13 +74,19 @@ def _head(results, claims, name):
     words = [
         f"How the scatter of two grain properties, interparticle friction and particle shear modulus, shows up in the "
         f"behaviour of a granular soil: {len(results.points)} representative points of their joint distribution, "
-        f"each sheared by the discrete element method at {len(results.densities)} densities, and the probability "
-        f"densities that follow. Statements of {paper.REFERENCE} stand beside the numbers of this campaign."
+        f"sheared by the discrete element method at {len(results.densities)} densities, and the probability "
+        f"densities that follow.{_filled_words(results)} Statements of {paper.REFERENCE} stand beside the numbers of "
+        "this campaign."
     ]
     words += report_text.size_warning(results)
     short = "".join(map(webpage.paragraph, report_text.in_short(results, claims)))
     text = "".join(map(webpage.paragraph, words))
     return f"<h1>Campaign {webpage.escape(name)}</h1>{text}{webpage.cards(items)}<h3>In short</h3>{short}"
+
+
+def _filled_words(results):
+    filled = max(int(results.filled(mu_iso).sum()) for mu_iso in results.family_densities())
+    return f" Of the points {filled} were not run: their values follow from the others by regression." if filled else ""
 
 
 def _inputs(results, figures):
