@@ -47,8 +47,11 @@ NUMBERS = ("mean (deg)", "characteristic 5 % from the points (deg)", "characteri
 
 
 def friction_angle(eta):
-    """Friction angle in degrees mobilised in triaxial compression, sin phi = 3 eta / (6 + eta)."""
-    eta = np.asarray(eta, float)
+    """Friction angle in degrees mobilised in triaxial compression, sin phi = 3 eta / (6 + eta).
+
+    A stress ratio beyond what stresses can be, -1.5 (extension) to 3, as a wide error may make it, counts as the bound.
+    """
+    eta = np.clip(np.asarray(eta, float), -1.5, 3.0)
     return np.degrees(np.arcsin(3 * eta / (6 + eta)))
 
 

@@ -16,6 +16,7 @@ def test_friction_angle_of_a_mohr_circle():
         ratio = (1 + np.sin(np.radians(phi))) / (1 - np.sin(np.radians(phi)))
         eta = (ratio - 1) / ((ratio + 2) / 3)
         assert friction_angle(eta) == pytest.approx(phi)
+    assert friction_angle([-4.0, 7.0]) == pytest.approx([-90.0, 90.0])
 
 
 def test_characteristic_angles_of_known_points(tmp_path):
