@@ -109,12 +109,14 @@ def accuracy(results) -> str:
     """The accuracy setting asked for, and what the shear runs really used."""
     shear = results.runs[(results.runs["stage"] == "shear") & (results.runs["status"] == "done")]
     asked = tomllib.loads(results.attrs["config"]).get("dem", {}).get("accuracy", "")
-    words = {"inertial_number": "inertial number (limited above mu_s = 0.3)", "strain_end": "axial strain to",
+    words = {"inertial_number": "inertial number", "strain_end": "axial strain to",
              "timestep_factor": "time step factor", "stiffness_scale": "stiffness factor"}  # fmt: skip
     used = [f"{word} {', '.join(f'{v:g}' for v in sorted(set(shear[name].dropna())))}"
             for name, word in words.items() if name in shear and shear[name].notna().any()]  # fmt: skip
     named = f"the {asked} setting of campaign/accuracy.toml" if asked else "none by name, every key set by itself"
-    return f"Accuracy asked for: {named}. Shear runs: {particles(results)} spheres, " + ", ".join(used) + "."
+    return f"Accuracy asked for: {named}. Shear runs: {particles(results)} spheres, " + ", ".join(used) + (
+        "; above mu_s = 0.3 the inertial number is at most 7.2e-4 / mu_s."
+    )
 
 
 def particles(results) -> str:
