@@ -67,8 +67,8 @@ def inertial_number(p) -> float:
     """Inertial number at which a packing is sheared: the one asked for, above FULL_RATE_FRICTION under a limit.
 
     What slides less shakes more: at mu_s = 0.62 (1,000 spheres) FULL_RATE lowers Z and Z_m by 3.5 and 3.2 % and raises
-    e_m by 1.5 % against a quarter of it, and the same work put into smaller steps changes nothing of that; at the limit
-    1.0, 1.0 and 0.3 % are left.
+    e_m by 1.5 % against a quarter of it with half the step, and the same work put into smaller steps changes nothing
+    of that; at the limit 1.0, 1.0 and 0.3 % are left.
     """
     if p.mu_s <= FULL_RATE_FRICTION:
         return p.inertial_number
