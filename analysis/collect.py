@@ -12,6 +12,7 @@ from scipy.spatial import cKDTree
 
 from analysis import runfile, stopping, weighted
 from analysis.archive import NOTHING, STAGE_STATES, contribution
+from analysis.packings import average
 from analysis.run_states import RunStates
 
 PROPERTIES = ("mu_s", "G_p")
@@ -28,9 +29,10 @@ class ResponsesError(ValueError):
 class FamilyDensity:
     """All runs of one family at one density on the common strain grid of T strains: Q points, R packings.
 
-    `values` are averages over the packings, `replicates` the packings one by one; NaN where a run failed.  `weight`
-    (Q,) is zero for a point without a run and sums to 1; `lost_probability` is what was redistributed.  `filled` (Q,)
-    marks points that were not run: their values and states are those of the response surface through the others.
+    `values` and `states` are averages over the packings brought to one level (`analysis.packings`), `replicates` the
+    packings one by one as they ran; NaN where a run failed.  `weight` (Q,) is zero for a point without a run and sums
+    to 1; `lost_probability` is what was redistributed.  `filled` (Q,) marks points that were not run: their values and
+    states are those of the response surface through the others.
     """
 
     family: str
@@ -167,8 +169,8 @@ def _group(family, mu_iso, rows, own, strain, spared):
             for state, table in source.items():
                 for symbol, value in table.items():
                     target.setdefault(state, {}).setdefault(symbol, np.full(shape[::2], np.nan))[r, q] = value
-    values = {symbol: _packing_mean(sets) for symbol, sets in replicates.items()}
-    averages = {state: {s: _packing_mean(v) for s, v in table.items()} for state, table in state_sets.items()}
+    values = {symbol: average(sets) for symbol, sets in replicates.items()}
+    averages = {state: {s: average(v) for s, v in table.items()} for state, table in state_sets.items()}
     filled = {stage: _unrun(stage, rows, own, spared) for stage in STAGE_STATES}
     for stage, states in STAGE_STATES.items():
         for table in (averages.get(state, {}) for state in states):
@@ -220,10 +222,6 @@ def _on_grid(states, symbol, strain, run_id):
     return values, beyond
 
 
-def _packing_mean(sets):
-    return weighted.mean(np.moveaxis(sets, 0, -1), np.ones(len(sets)))
-
-
 def _packing_error(sets):
     count = np.maximum(np.isfinite(sets).sum(axis=0), 1)
-    return np.sqrt(_packing_mean(sets**2) / count)
+    return np.sqrt(weighted.mean(np.moveaxis(sets**2, 0, -1), np.ones(len(sets))) / count)

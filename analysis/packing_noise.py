@@ -1,7 +1,7 @@
 """What the grains' arrangement adds to a number: scatter between replicate packings, and the error all points share.
 
 All points of a density start from one packing, so part of a run's noise is common to them and no resampling of the
-points can see it.  Replicate packings at some points can: how much the mean over these points differs between packings.
+points can see it.  Replicate packings at some points tell how large it is, and lower it (`analysis.packings`).
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import stats
 
+from analysis import packings
 from analysis.results import read_results
 
 
@@ -33,41 +34,33 @@ def own_error(results, state, symbol, mu_iso, family="coupled") -> float:
     sets, weight = results.state_replicates(state, symbol, mu_iso, family), results.weights(mu_iso, family)
     if sets is None:
         return float("nan")
-    shared = np.isfinite(sets).all(axis=0)
-    if shared.sum() < 2:
-        return float("nan")
-    rest = sets[:, shared] - sets[:, shared].mean(axis=0) - sets[:, shared].mean(axis=1, keepdims=True)
-    rest += sets[:, shared].mean()
-    variance = np.sum(rest**2) / ((len(sets) - 1) * (shared.sum() - 1))
     served = np.maximum(np.isfinite(sets).sum(axis=0), 1)
-    return float(variance * np.sum(weight / served) / np.sum(weight))
+    return float(packings.own_variance(sets) * np.sum(weight / served) / np.sum(weight))
 
 
 def common_error(results, state, symbol, family="coupled") -> tuple[np.ndarray, float]:
     """Error (D,) that all points of a density may share, and its degrees of freedom.
 
-    With R replicate packings: the standard deviation between packings of the mean over the points that all of them
-    serve, pooled over the D densities, widened by Student's t for its D (R - 1) degrees of freedom (so that 1.96 of it
-    cover 95 %).  What single runs scatter by themselves is part of it, divided by the root of these points' number.
+    With R replicate packings: that of the level of all packings (`packings.level_variance`), pooled over the D
+    densities, widened by Student's t for its D (R - 1) degrees of freedom (so that 1.96 of it cover 95 %).
     Without replicates: one run's standard error, root mean square over the points, as if all of it were common; its
     degrees of freedom are infinite, or 0 where it is not known and the error is zero.
     """
     results = read_results(results)
     densities = results.family_densities(family)
-    variances = [_between_packings(results.state_replicates(state, symbol, m, family)) for m in densities]
-    freedom = sum(count for _, count in variances)
-    if freedom:
-        pooled = np.sqrt(sum(variance * count for variance, count in variances) / freedom)
-        return np.full(len(densities), pooled * stats.t.ppf(0.975, freedom) / stats.norm.ppf(0.975)), float(freedom)
+    variances, freedom = [], 0
+    for mu_iso in densities:
+        sets = results.state_replicates(state, symbol, mu_iso, family)
+        if sets is None or len(sets) < 2 or not packings.shared(sets).any():
+            continue
+        weight = results.weights(mu_iso, family)
+        alone = weight[~packings.shared(sets)].sum() / weight.sum()
+        variances.append(packings.level_variance(sets, alone))
+        freedom += len(sets) - 1
+    if variances:
+        wider = stats.t.ppf(0.975, freedom) / stats.norm.ppf(0.975)
+        return np.full(len(densities), np.sqrt(np.mean(variances)) * wider), float(freedom)
     errors = [results.state_error(state, symbol, m, family) for m in densities]
     if any(e is None or not np.isfinite(e).any() for e in errors):
         return np.zeros(len(densities)), 0.0
     return np.array([np.sqrt(np.nanmean(e**2)) for e in errors]), float("inf")
-
-
-def _between_packings(sets):
-    """Variance between packings (R, Q) of the mean over the points that all of them have, and R - 1; 0, 0 if none."""
-    if sets is None or len(sets) < 2:
-        return 0.0, 0
-    shared = np.isfinite(sets).all(axis=0)
-    return (float(sets[:, shared].mean(axis=1).var(ddof=1)), len(sets) - 1) if shared.any() else (0.0, 0)

@@ -48,7 +48,7 @@ class Assembly:
     d50_mm: float = key(0.248, float, 1e-4, 1e3)
     sigma_ln: float = key(0.174, float, 0.0, 1.0, doc="standard deviation of ln d by mass")
     distribution: str = key("lognormal", str, choices=("lognormal", "loguniform", "well_graded", "gap_graded"))
-    packings: tuple = key((1,), [int], 0, 2**31 - 1, doc="seeds; the first serves all points, others are replicates")
+    packings: tuple = key((1,), [int], 0, 2**31 - 1, doc="seeds; the first serves all points, the others level it")
     replicate_points: int = key(-1, int, -1, 10_000, doc="points that the replicate packings serve; -1: all")
 
 

@@ -28,10 +28,10 @@ def test_packing_scatter_is_the_spread_between_packings(replicated):
     assert packing_noise.packing_scatter(replicated, "critical", "eta", 0.1) == pytest.approx(exact)
 
 
-def test_the_common_error_is_that_of_the_mean_between_packings_widened_for_few(replicated):
+def test_the_common_error_where_packings_serve_all_points_is_that_of_their_mean_widened_for_few(replicated):
     error, freedom = packing_noise.common_error(replicated, "critical", "eta")
     sets = np.stack([replicated.state_replicates("critical", "eta", m) for m in synthetic.DENSITIES])
-    pooled = np.sqrt(sets.mean(axis=2).var(axis=1, ddof=1).mean())
+    pooled = np.sqrt(sets.mean(axis=2).var(axis=1, ddof=1).mean() / 3)
     assert freedom == 6
     assert error == pytest.approx(pooled * stats.t.ppf(0.975, 6) / 1.959964) and error.shape == (3,)
 
