@@ -31,13 +31,17 @@ MU_ISO = (0.001, 0.04, 0.1)
 
 
 def overhead(jobs: int) -> pd.DataFrame:
-    """A whole shear run to 4 % strain and a bare loop of as many steps over the same packing, five times in turns."""
+    """A whole shear run to 4 % strain and a bare loop of as many steps over the same packing, ten times in turns.
+
+    Windows are as wide as most of a campaign's, so that samples are as rare as there.
+    """
     probe, _ = chain(N=1000, seed=1, mu_iso=0.04, mu_s=0.25, G_p=G_P, strain_end=0.01, **CAMPAIGN)
     rows = []
-    for turn in range(5):
+    for turn in range(10):
         # The rate differs in the ninth digit, so that each turn is a run of its own.
         rate = {"inertial_number": CAMPAIGN["inertial_number"] * (1.0 - 1e-9 * turn)}
-        shear = read_run(run("shear", start=probe.path, mu_s=0.25, G_p=G_P, strain_end=0.04, **(CAMPAIGN | rate)))
+        values = CAMPAIGN | rate | {"mu_s": 0.25, "G_p": G_P, "strain_end": 0.04, "windows": 8}
+        shear = read_run(run("shear", start=probe.path, **values))
         steps, dt = int(shear.timing["steps"]), float(shear.timing["dt_mean"])
         command = ["yade", "-n", "-x", "-j1", str(ROOT / "tests" / "yade_scenes" / "bare_loop.py"), str(probe.path)]
         out = subprocess.run([*command, str(steps), repr(dt), repr(0.04 / steps / dt)], env=closed_doors(), text=True,
