@@ -7,7 +7,6 @@ points can see it.  Replicate packings at some points tell how large it is, and 
 from __future__ import annotations
 
 import numpy as np
-from scipy import stats
 
 from analysis import packings
 from analysis.results import read_results
@@ -35,32 +34,47 @@ def own_error(results, state, symbol, mu_iso, family="coupled") -> float:
     if sets is None:
         return float("nan")
     served = np.maximum(np.isfinite(sets).sum(axis=0), 1)
-    return float(packings.own_variance(sets) * np.sum(weight / served) / np.sum(weight))
+    return float(packings.variances(sets)[1] * np.sum(weight / served) / np.sum(weight))
 
 
 def common_error(results, state, symbol, family="coupled") -> tuple[np.ndarray, float]:
     """Error (D,) that all points of a density may share, and its degrees of freedom.
 
-    With R replicate packings: that of the level of all packings (`packings.level_variance`), pooled over the D
-    densities, widened by Student's t for its D (R - 1) degrees of freedom (so that 1.96 of it cover 95 %).
+    With replicate packings: that of the level of all packings (`packings.level_variance`), root mean square over the
+    D densities.  The variance of packings in it is what the mean over the shared points differs by between them less
+    what single runs scatter by, both pooled over the densities, and one standard error of this estimate on top, which
+    widens it for few packings as Student's t would; its degrees of freedom are those of the packings, D (R - 1).
     Without replicates: one run's standard error, root mean square over the points, as if all of it were common; its
     degrees of freedom are infinite, or 0 where it is not known and the error is zero.
     """
     results = read_results(results)
     densities = results.family_densities(family)
-    variances, freedom = [], 0
+    several = []
     for mu_iso in densities:
         sets = results.state_replicates(state, symbol, mu_iso, family)
-        if sets is None or len(sets) < 2 or not packings.shared(sets).any():
-            continue
-        weight = results.weights(mu_iso, family)
-        alone = weight[~packings.shared(sets)].sum() / weight.sum()
-        variances.append(packings.level_variance(sets, alone))
-        freedom += len(sets) - 1
-    if variances:
-        wider = stats.t.ppf(0.975, freedom) / stats.norm.ppf(0.975)
-        return np.full(len(densities), np.sqrt(np.mean(variances)) * wider), float(freedom)
+        if sets is not None and np.isfinite(packings.variances(sets)[0]):
+            weight = results.weights(mu_iso, family)
+            several.append((sets, weight[~packings.shared(sets)].sum() / weight.sum()))
+    if several:
+        between, own, freedom = _pooled([sets for sets, _ in several])
+        errors = [packings.level_variance(sets, alone, between, own) for sets, alone in several]
+        return np.full(len(densities), np.sqrt(np.mean(errors))), float(freedom)
     errors = [results.state_error(state, symbol, m, family) for m in densities]
     if any(e is None or not np.isfinite(e).any() for e in errors):
         return np.zeros(len(densities)), 0.0
     return np.array([np.sqrt(np.nanmean(e**2)) for e in errors]), float("inf")
+
+
+def _pooled(several):
+    """Variance of packings with its standard error on top, of single runs, and degrees of freedom of the former."""
+    found = np.array([packings.variances(sets) for sets in several])
+    counts = np.array([(len(sets) - 1, packings.shared(sets).sum()) for sets in several], float)
+    between, freedom = np.average(found[:, 0], weights=counts[:, 0]), counts[:, 0].sum()
+    within = counts[:, 0] * (counts[:, 1] - 1)
+    if not within.sum():
+        return between * (1 + np.sqrt(2 / freedom)), np.nan, freedom
+    known = within > 0
+    own = np.average(found[known, 1], weights=within[known])
+    mean_own = own * np.average(1 / counts[:, 1], weights=counts[:, 0])
+    error = np.sqrt(2 * between**2 / freedom + 2 * mean_own**2 / within.sum())
+    return max(between - mean_own, 0.0) + error, own, freedom

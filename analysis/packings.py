@@ -1,7 +1,8 @@
-"""Runs of the same points in several packings, brought to one level: point + packing, by least squares.
+"""Runs of the same points in several packings, brought to one level: point + packing + the single run's own scatter.
 
 The first packing serves all points, the others some of them.  What the first one is off by, over the points that all
-packings serve, is taken off where it is alone, so that the other packings improve every point and not only their own.
+packings serve, is taken off where it is alone, so that the other packings improve every point and not only their own;
+but only the part of it that is not the scatter of single runs (the best linear predictor of a random packing).
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ from analysis import weighted
 
 #: Shared points below which packings are not levelled: what single runs scatter by would do more harm.
 FEWEST = 3
+#: Rows to either side over which variances along strain are averaged.
+NEIGHBOURS = 7
 
 
 def shared(sets) -> np.ndarray:
@@ -19,16 +22,45 @@ def shared(sets) -> np.ndarray:
     return np.isfinite(sets).all(axis=tuple(range(sets.ndim - 1)))
 
 
-def offsets(sets) -> np.ndarray:
-    """What each packing is off by (R, ...): its mean over the shared points less that of all packings.
+def variances(sets) -> tuple[np.ndarray, np.ndarray]:
+    """Between packings of the mean over the S shared points, and of single runs beyond point and packing; (...,) each.
 
-    sets: (R, ..., Q), NaN where a point has no run.  Zero with fewer than three shared points.
+    sets: (R, ..., Q), NaN where a point has no run.  The first estimates b + w / S with b the variance of packings and
+    w the second, that of the interaction.  NaN where there are too few packings or shared points.
     """
-    both = shared(sets)
-    if both.sum() < FEWEST:
+    both = sets[..., shared(sets)]
+    if len(both) < 2 or both.shape[-1] == 0:
+        return np.full(sets.shape[1:-1], np.nan), np.full(sets.shape[1:-1], np.nan)
+    level = both.mean(axis=-1, keepdims=True)
+    between = level.var(axis=0, ddof=1)[..., 0]
+    if both.shape[-1] < 2:
+        return between, np.full(between.shape, np.nan)
+    rest = both - level - both.mean(axis=0) + level.mean(axis=0)
+    return between, np.sum(rest**2, axis=(0, -1)) / ((both.shape[0] - 1) * (both.shape[-1] - 1))
+
+
+def trust(sets) -> np.ndarray:
+    """Share (...,) of a measured offset that is the packing's: b / (b + w / S), in [0, 1]; 0 if nothing is levelled.
+
+    Along strain (R, T, Q) both variances are averaged over neighbouring rows, for single ones are noisy.
+    """
+    between, own = variances(sets)
+    count = shared(sets).sum()
+    if count < FEWEST or len(sets) < 2:
+        return np.zeros(sets.shape[1:-1])
+    if between.ndim:
+        between, own = _neighbours(between), _neighbours(own)
+    return np.clip(1.0 - own / count / np.where(between > 0, between, np.inf), 0.0, 1.0) * (between > 0)
+
+
+def offsets(sets) -> np.ndarray:
+    """What each packing (R, ...) is off by from the level of all, as far as it is to be trusted."""
+    both = sets[..., shared(sets)]
+    share = trust(sets)
+    if not np.any(share > 0):
         return np.zeros(sets.shape[:-1])
-    level = sets[..., both].mean(axis=-1)
-    return level - level.mean(axis=0)
+    level = both.mean(axis=-1)
+    return share * (level - level.mean(axis=0))
 
 
 def average(sets) -> np.ndarray:
@@ -40,29 +72,19 @@ def average(sets) -> np.ndarray:
     return weighted.mean(np.moveaxis(levelled, 0, -1), np.ones(len(sets)))
 
 
-def own_variance(sets) -> float:
-    """Variance of single runs (R, Q) beyond point and packing (mean square of the interaction); NaN if unknown."""
-    both = sets[:, shared(sets)]
-    if min(both.shape) < 2:
-        return float("nan")
-    rest = both - both.mean(axis=0) - both.mean(axis=1, keepdims=True) + both.mean()
-    return float(np.sum(rest**2) / ((both.shape[0] - 1) * (both.shape[1] - 1)))
+def level_variance(sets, alone, between, own) -> float:
+    """Error variance of what `average` gives of sets (R, Q) that all points share.
 
-
-def between_variance(sets) -> float:
-    """Variance between packings (R, Q) of the mean over the shared points; NaN with fewer than two or none shared."""
-    both = sets[:, shared(sets)]
-    return float(both.mean(axis=1).var(ddof=1)) if len(both) > 1 and both.size else float("nan")
-
-
-def level_variance(sets, alone) -> float:
-    """Error variance of what `average` gives that all points share; `alone`: the share of points in one packing only.
-
-    With variance B between R packings of the mean over S shared points, and W of single runs: B / R for the level of
-    the packings, and W / S (alone^2 (1 - 1/R) - 1/R), where positive, for the offset known from S points only.
-    B itself where packings are not levelled but some points are alone.
+    alone: the probability of the points in one packing only; between: the variance b of packings; own: w of single
+    runs.  With k the trust in an offset: b / R + alone^2 (1 - 1/R) ((1 - k)^2 b + k^2 w / S).
     """
-    count, both, between = len(sets), shared(sets).sum(), between_variance(sets)
-    if both < FEWEST:
-        return between if alone > 0 else between / count
-    return between / count + own_variance(sets) / both * max(alone**2 * (1 - 1 / count) - 1 / count, 0.0)
+    count, k = len(sets), float(trust(sets))
+    left = (1.0 - k) ** 2 * between + (k**2 * own / shared(sets).sum() if k > 0 else 0.0)
+    return between / count + alone**2 * (1.0 - 1.0 / count) * left
+
+
+def _neighbours(values):
+    """Means of (T, ...) over up to NEIGHBOURS rows to either side."""
+    rows = np.arange(len(values))
+    near = np.abs(rows[:, None] - rows) <= NEIGHBOURS
+    return (near / near.sum(axis=1, keepdims=True)) @ values

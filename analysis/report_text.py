@@ -100,13 +100,14 @@ def packing(results) -> str:
     sets = results.state_replicates("critical", "eta", results.family_densities()[0])
     several = int(np.isfinite(sets).all(axis=0).sum())
     taken_off = (
-        "What the first packing is off by over these is taken off all points, along the strain and in every state. "
+        "What the first packing is off by over these is taken off all points, along the strain and in every state, as "
+        "far as it is more than the scatter of single runs. "
         if several >= packings.FEWEST else ""
     )  # fmt: skip
     return text + (
-        f"Here {len(sets)} packings serve {several} of the points. {taken_off}What the mean over these differs by "
-        "between packings, pooled over the densities, is what the intervals of claims, friction angles and means allow "
-        "for."
+        f"Here {len(sets)} packings serve {several} of the points. {taken_off}The intervals of claims, friction angles "
+        "and means allow for what is left: how much the mean over these points differs between packings, pooled over "
+        "the densities."
     )
 
 

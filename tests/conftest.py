@@ -1,4 +1,4 @@
-"""Makes the packages importable from the repository's root."""
+"""Makes the packages importable from the repository's root, numpy in one thread."""
 
 from __future__ import annotations
 
@@ -6,3 +6,5 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import campaign  # noqa: F401  sets OpenBLAS' threads before numpy is there

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import synthetic_results as synthetic
-from scipy import stats
 
-from analysis import packing_noise
+from analysis import packing_noise, packings
 from analysis.claim_numbers import drawn_sample, full_sample
 from analysis.claims import HELD, NOT_HELD, OPEN, claims_table
 from analysis.responses import build_results
@@ -28,12 +27,23 @@ def test_packing_scatter_is_the_spread_between_packings(replicated):
     assert packing_noise.packing_scatter(replicated, "critical", "eta", 0.1) == pytest.approx(exact)
 
 
-def test_the_common_error_where_packings_serve_all_points_is_that_of_their_mean_widened_for_few(replicated):
-    error, freedom = packing_noise.common_error(replicated, "critical", "eta")
-    sets = np.stack([replicated.state_replicates("critical", "eta", m) for m in synthetic.DENSITIES])
-    pooled = np.sqrt(sets.mean(axis=2).var(axis=1, ddof=1).mean() / 3)
-    assert freedom == 6
-    assert error == pytest.approx(pooled * stats.t.ppf(0.975, 6) / 1.959964) and error.shape == (3,)
+@pytest.mark.parametrize(("between", "own"), [(0.05, 0.01), (0.02, 0.02), (0.0, 0.02)])
+def test_the_common_error_covers_what_all_points_are_off_by(between, own, monkeypatch):
+    """Thirty points, five of them in five packings; 1.96 errors cover 95 % of 600 levels."""
+    rng = np.random.default_rng(3)
+    results, covered = read_results(synthetic.example()), []
+    monkeypatch.setattr(Results, "weights", lambda *_: np.full(30, 1 / 30))
+    for _ in range(200):
+        sets = {m: own * rng.normal(size=(5, 30)) + between * rng.normal(size=(5, 1)) for m in synthetic.DENSITIES}
+        for values in sets.values():
+            values[1:, 5:] = np.nan
+        monkeypatch.setattr(Results, "state_replicates", lambda _, state, symbol, m, *rest, s=sets: s[m])
+        error, freedom = packing_noise.common_error(results, "critical", "eta")
+        off = np.array([packings.average(values).mean() for values in sets.values()])
+        single = own * np.sqrt(25 + 5 / 5) / 30
+        covered.extend(np.abs(off) < 1.96 * np.hypot(error, single))
+    assert freedom == 12
+    assert 0.93 <= np.mean(covered) <= 0.999
 
 
 def test_without_replicates_one_run_stands_for_it():
