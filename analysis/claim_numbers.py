@@ -71,6 +71,13 @@ class Sample:
             self.store["smoother"] = triaxial.smooth(strain, np.eye(len(strain)), width=SMOOTHER)
         return self.store["smoother"]
 
+    def consolidated(self, symbol):
+        """Values and weights after consolidation, one pair a density."""
+        key = ("consolidated", symbol)
+        if key not in self.store:
+            self.store[key] = [self.results.consolidated(symbol, mu_iso) for mu_iso in self.densities]
+        return self.store[key]
+
     def driver(self, symbol):
         """Values (Q,) of an input at the points."""
         return self._load(("points", symbol), None)[self.index]
@@ -221,7 +228,7 @@ def _initial(samples, symbol):
     drawn sample is NaN.
     """
     sample = samples["coupled"]
-    sets = [sample.results.consolidated(symbol, mu_iso) for mu_iso in sample.densities]
+    sets = sample.consolidated(symbol)
     freedom = sum(len(values) - 1 for values, _ in sets)
     means = np.array([values @ weight if len(values) else np.nan for values, weight in sets])
     if freedom < 1:
@@ -250,7 +257,7 @@ def initial_difference(samples):
 def initial_cov(samples):
     """Largest coefficient of variation of e, e_m, Z and Z_m after consolidation; NaN if points share it."""
     sample = samples["coupled"]
-    sets = [sample.results.consolidated(s, m) for s in ("e", "e_m", "Z", "Z_m") for m in sample.densities]
+    sets = [one for symbol in ("e", "e_m", "Z", "Z_m") for one in sample.consolidated(symbol)]
     runs = sample.results.runs
     if ((runs["stage"] == "consolidate") & (runs["point"] < 0)).any() or not all(len(values) for values, _ in sets):
         return np.nan
