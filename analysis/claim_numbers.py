@@ -13,9 +13,12 @@ from scipy import special, stats
 
 from analysis import paper, pdem, triaxial, weighted
 from analysis.packing_noise import common_error, own_error
+from analysis.unrun import values_drawn
 
 #: Half-width, in strain, over which mean curves are smoothed.
 SMOOTHER = 0.04
+#: Response surfaces drawn for points that were not run.
+SURFACES = 100
 
 
 @dataclass(frozen=True)
@@ -23,6 +26,7 @@ class Sample:
     """One family's points, drawn once: states and curves of D densities at Q points, with weights (D, Q).
 
     shift (D,) is the error that all points of a density share, in units of `packing_noise.common_error`; zeros: none.
+    surface: which of the response surfaces that the runs would also allow gives points that were not run; -1: theirs.
     """
 
     results: object
@@ -31,6 +35,7 @@ class Sample:
     index: np.ndarray
     shift: np.ndarray
     store: dict
+    surface: int = -1
 
     @property
     def weight(self):
@@ -40,11 +45,20 @@ class Sample:
         return drawn / np.where(total > 0, total, np.nan)
 
     def state(self, state, symbol):
-        """Values (D, Q) of a quantity at a state, with the densities' common errors."""
-        values = self._load((state, symbol), partial(self.results.state, state, symbol))[:, self.index]
+        """Values (D, Q) of a quantity at a state, with the densities' common errors; NaN if drawn and these unknown."""
+        values = self.values(state, symbol)
+        if not self.shift.any():
+            return values
         if (state, symbol, "common") not in self.store:
             self.store[state, symbol, "common"] = common_error(self.results, state, symbol, self.family)[0]
         return values + (self.shift * self.store[state, symbol, "common"])[:, None]
+
+    def values(self, state, symbol):
+        """Values (D, Q) without common errors, for numbers that these leave as they are."""
+        if self.surface < 0:
+            return self._load((state, symbol), partial(self.results.state, state, symbol))[:, self.index]
+        read = partial(values_drawn, self.results, state, symbol, n=SURFACES)
+        return self._load((state, symbol, "drawn"), read)[:, self.surface][:, self.index]
 
     def noise(self, state, symbol, mu_iso):
         """Variance that packings add to single points (`packing_noise.own_error`); 0 where nothing tells it."""
@@ -101,7 +115,8 @@ def full_sample(results, family):
 def drawn_sample(sample, rng):
     """The same points drawn with replacement, with a common error for each density."""
     count = len(sample.index)
-    return replace(sample, index=rng.integers(count, size=count), shift=rng.normal(size=len(sample.densities)))
+    index, shift = rng.integers(count, size=count), rng.normal(size=len(sample.densities))
+    return replace(sample, index=index, shift=shift, surface=int(rng.integers(SURFACES)))
 
 
 def _distance(sample, state, symbol, a, b):
@@ -130,6 +145,8 @@ def share_within(samples, state, symbol, mu_iso, low, high):
     k = sample.densities.index(mu_iso)
     values, weight = sample.state(state, symbol)[k], sample.weight[k]
     known = np.isfinite(values)
+    if not known.any():
+        return np.nan
     values, weight = values[known], weight[known] / weight[known].sum()
     width = max(pdem.kernel_width(values[None], weight[None])[0], 1e-9 * abs(high))
     return weight @ (special.ndtr((high - values) / width) - special.ndtr((low - values) / width))
@@ -144,13 +161,13 @@ def effect_of_G_p(samples, alone):
     both, sample = samples["coupled"], samples["G_p" if alone else "coupled"]
     log_G, log_mu = np.log(sample.driver("G_p")), np.log(sample.driver("mu_s"))
     effects = []
-    for k, eta in enumerate(sample.state("critical", "eta")):
+    for k, eta in enumerate(sample.values("critical", "eta")):
         known = np.isfinite(eta) & (sample.weight[k] > 0)
         columns = [np.ones(known.sum()), log_G[known]] + ([] if alone else [log_mu[known], log_mu[known] ** 2])
         root = np.sqrt(sample.weight[k][known])
         slope = np.linalg.lstsq(np.stack(columns, 1) * root[:, None], eta[known] * root, rcond=None)[0][1]
         effects.append(slope * weighted.std(log_G, sample.weight[k]))
-    spread = max(weighted.std(both.state("critical", "eta"), both.weight))
+    spread = max(weighted.std(both.values("critical", "eta"), both.weight))
     return np.mean(effects) / spread if spread > 0 else np.nan
 
 
@@ -158,7 +175,7 @@ def stiffness_follows_G_p(samples):
     """Least correlation of ln G_0 with ln G_p over the densities."""
     sample = samples["coupled"]
     log_G = np.log(sample.driver("G_p"))
-    stiffness = np.log(sample.state("probe", "G_0"))
+    stiffness = np.log(sample.values("probe", "G_0"))
     return min(weighted.correlation(y, log_G, w) for y, w in zip(stiffness, sample.weight, strict=True))
 
 
@@ -171,7 +188,7 @@ def stiffness_gain(samples):
 def least_correlation(samples, symbol, sign):
     """Least correlation over the densities of critical eta with a quantity (sign 1) or with its negative (sign -1)."""
     sample = samples["coupled"]
-    pairs = zip(sample.state("critical", "eta"), sample.state("critical", symbol), sample.weight, strict=True)
+    pairs = zip(sample.values("critical", "eta"), sample.values("critical", symbol), sample.weight, strict=True)
     return min(sign * weighted.correlation(eta, other, weight) for eta, other, weight in pairs)
 
 
@@ -214,11 +231,19 @@ def grading_cov(samples):
     sample, found = samples["coupled"], []
     for state in ("peak", "critical"):
         for symbol in ("I_G_active", "I_G_stress"):
-            values, weight = sample.state(state, symbol), sample.weight
+            values, weight = sample.values(state, symbol), sample.weight
             for k, mu_iso in enumerate(sample.densities):
                 noise = sample.noise(state, symbol, mu_iso) / weighted.mean(values[k], weight[k]) ** 2
                 found.append(np.sqrt(max(weighted.cov(values[k], weight[k]) ** 2 - noise, 0.0)))
     return max(found)
+
+
+def grading_noise_is_known(samples):
+    """Whether replicates tell what packings add to I_G_active and I_G_stress at all states and densities."""
+    sample = samples["coupled"]
+    return all(np.isfinite(own_error(sample.results, state, symbol, mu_iso, sample.family))
+               for state in ("peak", "critical") for symbol in ("I_G_active", "I_G_stress")
+               for mu_iso in sample.densities)  # fmt: skip
 
 
 def _initial(samples, symbol):

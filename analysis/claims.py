@@ -3,8 +3,10 @@
 Intervals come from resampling the representative points, all densities together, with their probabilities.  All points
 of a density share a packing, so part of a run's noise is common to them and resampling cannot see it: every resample
 also shifts each density by a normal error, measured on replicate packings where there are some and else one run's
-standard error, as if all of it were common (`analysis.packing_noise`).  Noise mostly adds to a distance, in the value
-and again in its resamples, so the interval of a distance is the value plus and minus what 95 % of them are off by.
+standard error, as if all of it were common (`analysis.packing_noise`); where neither is known, a number that such an
+error would move cannot be told.  Points that were not run come from another response surface each time.  Noise mostly
+adds to a distance, in the value and again in its resamples, so the interval of a distance is the value plus and minus
+what 95 % of them are off by.
 The representative points are spread more evenly than a random sample, so the intervals are rather too wide.
 A claim is held if the whole interval meets its criterion, not held if none of it does, and cannot be told otherwise;
 each by itself: among thirty intervals one or two miss their number.
@@ -31,7 +33,8 @@ class Claim:
     """What the paper says, the number that tests it, and the criterion the number has to meet.
 
     `sense`: "<=", ">=", or "|x| <=" for a number with a sign.  `distance` marks a number that cannot be negative and
-    that noise mostly raises; `noisy` one that noise raises and that cannot refute a claim without replicate packings.
+    that noise mostly raises; `noisy` one that noise raises and that cannot refute a claim where nothing tells what
+    packings add.
     """
 
     statement: str
@@ -54,7 +57,7 @@ def claims_table(results, n_boot=200, seed=1) -> pd.DataFrame:
     base = {family: numbers.full_sample(results, family) for family in results.families if family in ("coupled", "G_p")}
     drawn = [{family: numbers.drawn_sample(sample, rng) for family, sample in base.items()} for _ in range(n_boot)]
     rows = []
-    replicated = results.state_replicates("critical", "eta", results.densities[0]) is not None
+    known = numbers.grading_noise_is_known(base)
     for claim in claims(results):
         value = _evaluate(claim, base)
         said = _interval(np.array([_evaluate(claim, samples) for samples in drawn]), value, claim.distance)
@@ -67,7 +70,7 @@ def claims_table(results, n_boot=200, seed=1) -> pd.DataFrame:
                 "from": said[0],
                 "to": said[1],
                 "criterion": f"{claim.sense} {claim.limit:g}",
-                "verdict": OPEN if outcome == NOT_HELD and claim.noisy and not replicated else outcome,
+                "verdict": OPEN if outcome == NOT_HELD and claim.noisy and not known else outcome,
             }
         )
     return pd.DataFrame(rows)

@@ -30,9 +30,10 @@ class FamilyDensity:
     """All runs of one family at one density on the common strain grid of T strains: Q points, R packings.
 
     `values` and `states` are averages over the packings brought to one level (`analysis.packings`), `replicates` the
-    packings one by one as they ran; NaN where a run failed.  `weight` (Q,) is zero for a point without a run and sums
-    to 1; `lost_probability` is what was redistributed.  `filled` (Q,) marks points that were not run: their values and
-    states are those of the response surface through the others.
+    packings one by one as they ran; NaN where a run failed.  `weight` (Q,) sums to 1 and is zero for a point without
+    a run, whose probability the point `bearer` (Q,) has, the nearest with one; `lost_probability` is how much that is.
+    `filled` marks points (Q,) that were not run, by stage: their values and states are those of the response surface
+    through the others.
     """
 
     family: str
@@ -40,8 +41,9 @@ class FamilyDensity:
     points: pd.DataFrame
     packings: tuple
     weight: np.ndarray
+    bearer: np.ndarray
     lost_probability: float
-    filled: np.ndarray
+    filled: dict[str, np.ndarray]
     extended: np.ndarray
     values: dict[str, np.ndarray]
     replicates: dict[str, np.ndarray]
@@ -176,15 +178,19 @@ def _group(family, mu_iso, rows, own, strain, spared):
         for table in (averages.get(state, {}) for state in states):
             table |= {symbol: _fill(own, value[None], filled[stage])[0] for symbol, value in table.items()}
     values = {symbol: _fill(own, value, filled["shear"]) for symbol, value in values.items()}
-    weight = own["probability"].to_numpy().copy()
+    probability = own["probability"].to_numpy()
     alive = np.isfinite(values["eta"]).all(axis=0) if values else np.ones(len(own), bool)
-    lost = float(weight[~alive].sum())
-    weight[~alive] = 0.0
+    lost = float(probability[~alive].sum())
+    bearer = np.arange(len(own))
+    if alive.any() and not alive.all():
+        left = own[alive]
+        bearer = np.flatnonzero(alive)[_nearest(own, {name: left[name].to_numpy(float) for name in PROPERTIES})]
     shear = [(row, states) for row, states in rows if row.stage == "shear"]
     return FamilyDensity(
         family=family, mu_iso=mu_iso, points=own, packings=packings,
-        weight=weight / weight.sum() if lost < 1 else weight, lost_probability=lost, extended=extended.any(axis=0),
-        values=values, replicates=replicates, states=averages, filled=filled["shear"],
+        weight=np.bincount(bearer, weights=probability, minlength=len(own)), bearer=bearer,
+        lost_probability=lost, extended=extended.any(axis=0),
+        values=values, replicates=replicates, states=averages, filled=filled,
         errors={state: {s: _packing_error(v) for s, v in table.items()} for state, table in error_sets.items()},
         state_sets=state_sets if len(packings) > 1 else {},
         counts={"planned": len(shear), "done": sum(s is not None for _, s in shear),

@@ -40,35 +40,38 @@ def own_error(results, state, symbol, mu_iso, family="coupled") -> float:
 def common_error(results, state, symbol, family="coupled") -> tuple[np.ndarray, float]:
     """Error (D,) that all points of a density may share, and its degrees of freedom.
 
-    With replicate packings: that of the level of all packings (`packings.level_variance`), root mean square over the
-    D densities.  The variance of packings in it is what the mean over the shared points differs by between them less
-    what single runs scatter by, both pooled over the densities, and one standard error of this estimate on top, which
-    widens it for few packings as Student's t would; its degrees of freedom are those of the packings, D (R - 1).
+    With replicate packings: that of the level of all packings (`packings.level_variance`).  The variance of packings in
+    it is what the mean over the shared points differs by between them less what single runs scatter by, both pooled
+    over the densities, and one standard error of this estimate on top, which widens it for few packings as Student's t
+    would; its degrees of freedom are those of the packings.
     Without replicates: one run's standard error, root mean square over the points, as if all of it were common; its
-    degrees of freedom are infinite, or 0 where it is not known and the error is zero.
+    degrees of freedom are infinite.  NaN and 0 where nothing tells it.
     """
     results = read_results(results)
     densities = results.family_densities(family)
-    several = []
-    for mu_iso in densities:
-        sets = results.state_replicates(state, symbol, mu_iso, family)
-        if sets is not None and np.isfinite(packings.variances(sets)[0]):
-            weight = results.weights(mu_iso, family)
-            several.append((sets, weight[~packings.shared(sets)].sum() / weight.sum()))
-    if several:
-        between, own, freedom = _pooled([sets for sets, _ in several])
-        errors = [packings.level_variance(sets, alone, between, own) for sets, alone in several]
-        return np.full(len(densities), np.sqrt(np.mean(errors))), float(freedom)
+    sets = [results.state_replicates(state, symbol, m, family) for m in densities]
+    if any(_is_compared(values) for values in sets):
+        between, own, freedom = _pooled([values for values in sets if _is_compared(values)])
+        variances = [between if values is None
+                     else packings.level_variance(values, results.weights(m, family), between, own)
+                     for values, m in zip(sets, densities, strict=True)]  # fmt: skip
+        return np.sqrt(variances), float(freedom)
     errors = [results.state_error(state, symbol, m, family) for m in densities]
     if any(e is None or not np.isfinite(e).any() for e in errors):
-        return np.zeros(len(densities)), 0.0
+        return np.full(len(densities), np.nan), 0.0
     return np.array([np.sqrt(np.nanmean(e**2)) for e in errors]), float("inf")
+
+
+def _is_compared(sets) -> bool:
+    """Whether sets (R, Q), or None, have points in two packings or more."""
+    return sets is not None and bool(np.isfinite(packings.variances(sets)[0]))
 
 
 def _pooled(several):
     """Variance of packings with its standard error on top, of single runs, and degrees of freedom of the former."""
     found = np.array([packings.variances(sets) for sets in several])
-    counts = np.array([(len(sets) - 1, packings.shared(sets).sum()) for sets in several], float)
+    sizes = np.array([packings.compared(sets).shape for sets in several], float)
+    counts = sizes - [1, 0]
     between, freedom = np.average(found[:, 0], weights=counts[:, 0]), counts[:, 0].sum()
     within = counts[:, 0] * (counts[:, 1] - 1)
     if not within.sum():

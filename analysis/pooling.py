@@ -89,9 +89,10 @@ def monte_carlo_along(results, power=14) -> pd.DataFrame:
     for mu_iso in results.family_densities():
         for symbol in (s for s in ALONG if s in results.symbols(mu_iso)):
             response = results.response(symbol, mu_iso)
-            if np.isfinite(response.values).sum(axis=1).min() < LEAST:
+            run = np.where(results.filled(mu_iso), np.nan, response.values)
+            if np.isfinite(run).sum(axis=1).min() < LEAST:
                 continue
-            surface, density = surrogate.fit(points, response.values), response.density
+            surface, density = surrogate.fit(points, run), response.density
             drawn = monte_carlo(surface, samples, results.strain, density, noise=surface.noise,
                                 rng=np.random.default_rng(1))  # fmt: skip
             spread = np.where(late, drawn.std, np.nan)
@@ -109,11 +110,12 @@ def moment_bands(results, n_boot=200, power=9, seed=1) -> pd.DataFrame:
 
     Through the response surface, so without packing noise in the standard deviation; the inputs are refitted to n_boot
     resamplings of the pairs, and the error that all points of a density share (`packing_noise.common_error`) is added
-    to the mean's.  "from runs" is the share of the mean's squared error that more or larger runs could take away, the
-    rest is that of the pairs.  In shown units.
+    to the mean's where it is known.  "from runs" is the share of the mean's squared error that more or larger runs
+    could take away, the rest is that of the pairs; "packings" whether packing noise is in it.  In shown units.
     """
     results = read_results(results)
-    columns = ["mu_iso", "state", "quantity", "mean", "mean, from", "mean, to", "sd", "sd, from", "sd, to", "from runs"]
+    columns = ["mu_iso", "state", "quantity", "mean", "mean, from", "mean, to", "sd", "sd, from", "sd, to", "from runs",
+               "packings"]
     if not results.inputs["joint"] or len(results.pairs) < FEWEST_PAIRS:
         return pd.DataFrame(columns=columns)
     rng = np.random.default_rng(seed)
@@ -125,11 +127,12 @@ def moment_bands(results, n_boot=200, power=9, seed=1) -> pd.DataFrame:
     for mu_iso, state, symbol, surface, samples, _ in _surfaces(results, power):
         found, factor = bands.moment_bands(surface, samples, drawn, rng), QUANTITIES[symbol].shown_factor
         shared = common_error(results, state, symbol)[0][densities.index(mu_iso)]
-        error = float(np.hypot(found.mean_error[0], shared))
+        error = float(np.hypot(found.mean_error[0], np.nan_to_num(shared)))
         of_pairs = found.mean_error[0] ** 2 * (1 - found.noise_part[0])
         mean, half = factor * found.mean[0], factor * stats.norm.ppf(0.975) * error
         spread = [float(factor * part[0]) for part in (found.std, found.std_low, found.std_high)]
-        rows.append((mu_iso, state, symbol, mean, mean - half, mean + half, *spread, 1 - of_pairs / error**2))
+        rows.append((mu_iso, state, symbol, mean, mean - half, mean + half, *spread, 1 - of_pairs / error**2,
+                     "in" if np.isfinite(shared) else "not known"))  # fmt: skip
     return pd.DataFrame(rows, columns=columns)
 
 
@@ -149,7 +152,7 @@ def _surfaces(results, power):
         for state, symbol in POOLED:
             if symbol not in results.state_symbols(state, mu_iso):
                 continue
-            values = results.state(state, symbol, mu_iso)
-            spread = float(weighted.std(values, results.weights(mu_iso)))
+            values = results.measured(state, symbol, mu_iso)
+            spread = float(weighted.std(results.state(state, symbol, mu_iso), results.weights(mu_iso)))
             if np.isfinite(values).sum() >= LEAST and spread > 0:
                 yield mu_iso, state, symbol, surrogate.fit(points, values), samples, spread

@@ -35,7 +35,7 @@ def stopping_replay(results, targets=TARGETS) -> pd.DataFrame:
     judged = {stopping.judged_name(state, symbol, m): (results.state(state, symbol, m), weights[m])
               for state, symbol in stopping.JUDGED for m in densities}  # fmt: skip
     samples = stopping.judged_samples(Joint.from_dict(results.inputs["joint"]))
-    order = stopping.nested_order(inputs)
+    order = stopping.nested_order(inputs, _replicated(results, densities[0], len(points)))
     history, used, rows = {}, 0, []
     for target in targets:
         found, used = _first_within(inputs, judged, samples, order, stopping.parse_target(target), history)
@@ -50,6 +50,12 @@ def stopping_replay(results, targets=TARGETS) -> pd.DataFrame:
         rows.append((target, used, used * len(densities), used / len(points), claim, worst, whole[at], at,
                      max(surface.values()), verdict))  # fmt: skip
     return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def _replicated(results, mu_iso, count):
+    """Points (Q,) that several packings serve, which a campaign runs first."""
+    sets = results.state_replicates("critical", "eta", mu_iso)
+    return np.zeros(count, bool) if sets is None else np.isfinite(sets).sum(axis=0) > 1
 
 
 def _first_within(inputs, judged, samples, order, target, history):

@@ -73,8 +73,9 @@ def open_inputs(results) -> str:
 
 
 BANDS = (
-    "How sure means and standard deviations are: 95 % bands from the runs' noise, the error that the points of a "
-    "density share by their packing included, and from the number of measured pairs, to which the inputs are refitted."
+    "How sure means and standard deviations are: 95 % bands from the runs' noise, with the error that the points of a "
+    "density share by their packing where that is known, and from the number of measured pairs, to which the inputs "
+    "are refitted."
 )
 
 
@@ -96,16 +97,20 @@ def packing(results) -> str:
     )
     _, freedom = common_error(results, "critical", "eta")
     if not np.isfinite(freedom) or freedom == 0:
-        return text + "The intervals of the claims allow for it by one run's standard error."
-    sets = results.state_replicates("critical", "eta", results.family_densities()[0])
-    several = int(np.isfinite(sets).all(axis=0).sum())
+        return text + (
+            "The intervals of the claims allow for it by one run's standard error where a run tells that; what it "
+            "would move otherwise cannot be told."
+        )
+    sizes = [packings.compared(sets).shape for sets in (results.state_replicates("critical", "eta", m)
+                                                        for m in results.family_densities()) if sets is not None]
+    count, several = np.min(sizes, axis=0)
     taken_off = (
         "What the first packing is off by over these is taken off all points, along the strain and in every state, as "
         "far as it is more than the scatter of single runs. "
         if several >= packings.FEWEST else ""
     )  # fmt: skip
     return text + (
-        f"Here {len(sets)} packings serve {several} of the points. {taken_off}The intervals of claims, friction angles "
+        f"Here {count} packings serve {several} of the points. {taken_off}The intervals of claims, friction angles "
         "and means allow for what is left: how much the mean over these points differs between packings, pooled over "
         "the densities."
     )

@@ -112,8 +112,9 @@ def _write_density(file, group: FamilyDensity, strain, settings):
         file[f"nearest/{group.family}"] = group.points.attrs["nearest"]
     out = base.create_group(f"{group.mu_iso:g}")
     out.attrs.update(group.counts | {"lost_probability": group.lost_probability})
-    out["weight"] = group.weight
-    out["filled"] = group.filled
+    out["weight"], out["bearer"] = group.weight, group.bearer
+    for stage, points in group.filled.items():
+        out[f"filled/{stage}"] = points
     for symbol, values in group.values.items():
         _write_response(out.create_group(f"responses/{symbol}"), symbol, values, group, strain, settings)
         if len(group.packings) > 1:
@@ -139,7 +140,7 @@ def _write_response(out, symbol, values, group, strain, settings):
         out.attrs.update(dict(memory.attrs) | {"unit": QUANTITIES[symbol].unit, "name": QUANTITIES[symbol].name})
     _write_array(out, "values", values, symbol)
     out.create_dataset("extended", data=group.extended, **SQUEEZE)
-    out.attrs["filled"] = int(group.filled.sum())
+    out.attrs["filled"] = int(group.filled["shear"].sum())
 
 
 def _rounded(values, bits=31):

@@ -20,10 +20,11 @@ import numpy as np
 import pandas as pd
 
 from analysis import weighted
+from analysis.archive import STAGE_STATES
 from analysis.density import Density
 from analysis.quantities import QUANTITIES, Quantity
 
-FORMAT, FORMAT_VERSION = "campaign-results", 2
+FORMAT, FORMAT_VERSION = "campaign-results", 3
 STATES = ("initial", "peak", "critical", "probe")
 
 
@@ -97,24 +98,27 @@ class Results:
     def bootstrap_weights(self, mu_iso, family="coupled"):
         """Probabilities (B, Q) of a density's points under inputs refitted to resampled pairs, or None if not made.
 
-        Like `weights`, zero where no run is left, every row summing to 1.
+        Like `weights`, zero where no run is left (the nearest point has its share), every row summing to 1.
         """
         with h5py.File(self.path) as file:
             if "inputs/bootstrap_probability" not in file:
                 return None
             drawn = file["inputs/bootstrap_probability"][()]
-            nearest = file[f"nearest/{family}"][()]
-        weights = self.weights(mu_iso, family)
-        shares = np.zeros((len(drawn), len(weights)))
-        np.add.at(shares.T, nearest, drawn.T)
-        drawn = shares * (weights > 0)
-        return drawn / drawn.sum(axis=1, keepdims=True)
+            bearer = _group(file, f"families/{family}/{mu_iso:g}")["bearer"][()][file[f"nearest/{family}"][()]]
+        shares = np.zeros((len(drawn), len(self.weights(mu_iso, family))))
+        np.add.at(shares.T, bearer, drawn.T)
+        return shares / shares.sum(axis=1, keepdims=True)
 
-    def filled(self, mu_iso, family="coupled"):
-        """Points (Q,) of a density that were not run, but filled by regression over the inputs."""
+    def filled(self, mu_iso, family="coupled", state="critical"):
+        """Points (Q,) of a density that were not run for a state, but filled by regression over the inputs."""
+        stage = next(stage for stage, states in STAGE_STATES.items() if state in states)
         with h5py.File(self.path) as file:
-            base = _group(file, f"families/{family}/{mu_iso:g}")
-            return base["filled"][()] if "filled" in base else np.zeros(len(base["weight"]), bool)
+            return _group(file, f"families/{family}/{mu_iso:g}/filled")[stage][()]
+
+    def measured(self, state, symbol, mu_iso, family="coupled"):
+        """Values (Q,) of a quantity at a state from runs only: NaN where a run is missing or filled."""
+        values = self.state(state, symbol, mu_iso, family)
+        return np.where(self.filled(mu_iso, family, state), np.nan, values)
 
     def counts(self, mu_iso, family="coupled"):
         """What became of a density's runs: dict of lost_probability, planned, done, failed, spared, extended."""

@@ -75,11 +75,16 @@ def parse_target(stop_when) -> float:
     return value
 
 
-def nested_order(inputs) -> np.ndarray:
+def nested_order(inputs, first=None) -> np.ndarray:
     """Order (Q,) of given points (Q, 2) in which every beginning covers their range.
 
     The middle first, then always the point farthest from those before it, in the standardised logarithms of the inputs.
+    first (Q,): points that come before all others, such as those that tell how packings differ.
     """
+    if first is not None and np.any(first):
+        first = np.asarray(first, bool)
+        order = nested_order(inputs)
+        return np.concatenate([order[first[order]], order[~first[order]]])
     logs = np.log(np.asarray(inputs, float))
     z = (logs - logs.mean(axis=0)) / np.maximum(logs.std(axis=0), 1e-12)
     order = [int(np.argmin(np.sum(z**2, axis=1)))]

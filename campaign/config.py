@@ -92,8 +92,7 @@ class Dem:
 
 @dataclass(frozen=True)
 class Families:
-    coupled: bool = key(True, bool, doc="mu_s and G_p as measured, dependent")
-    G_p_only: bool = key(False, bool, doc="a second family with mu_s fixed")
+    G_p_only: bool = key(False, bool, doc="a second family with mu_s fixed beside that with both as measured")
     mu_s_fixed: float = key(0.25, float, 0.0, 1.5)
     G_p_points: int = key(-1, int, -1, 10_000, doc="points of the second family; -1: all")
 
@@ -278,8 +277,6 @@ def _check_together(config: Config, where: str) -> None:
         raise ConfigError(
             f"{where}: shear.snapshots has {strains[-1]:g}, beyond strain_end = {config.shear.strain_end:g}"
         )
-    if not (config.families.coupled or config.families.G_p_only):
-        raise ConfigError(f"{where}: families.coupled and families.G_p_only are both false; nothing to run")
     if config.pdem.stop_when and not _is_share(config.pdem.stop_when):
         raise ConfigError(f"{where}: pdem.stop_when = {config.pdem.stop_when!r} must be a share such as '5%' or '0.05'")
     if not re.fullmatch(r"(\d+-)?\d+(:\d\d){0,2}", config.run.slurm.time):

@@ -1,6 +1,7 @@
 """Runs that the answer does not need are not made: batches of points until the claimed error is the one asked for.
 
-With `pdem.stop_when` set, the points run in an order in which every beginning covers their range.  After each batch the
+With `pdem.stop_when` set, the points run in an order in which every beginning covers their range, those that replicate
+packings serve first.  After each batch the
 stress ratio at the peak and the stress ratio and void ratio at the critical state are judged (`analysis.stopping`).
 tables/enough.json keeps the order, the batch at work and every judgement; a decision to stop stands as long as the runs
 and the target are those it was made for.
@@ -88,7 +89,9 @@ def _begin(config: Config, folder: Path, rows: list[Row]) -> dict:
 
     inputs = _inputs(rows)
     ids = np.array(sorted(inputs))
-    order = ids[stopping.nested_order([inputs[k] for k in ids])].tolist()
+    packings = {point: {row.packing for row in rows if row.point == point} for point in inputs}
+    first = [len(packings[k]) > 1 for k in ids]
+    order = ids[stopping.nested_order([inputs[k] for k in ids], first)].tolist()
     note = {"runs": _digest(rows), "target": config.pdem.stop_when, "order": order, "claimed": {}, "reached": False,
             "used": stopping.first_batch(len(order)), "history": []}  # fmt: skip
     write_json(folder / NOTE, note)
@@ -116,31 +119,26 @@ def _judge(config: Config, folder: Path, needed: list[Row], note: dict, say: Cal
 
 
 def _responses(folder: Path, needed: list[Row], used: list[int]) -> dict:
-    """What is judged at every density: {name: (points used,)}, the mean over packings, NaN where all runs failed.
+    """What is judged at every density, {name: (points used,)}: packings levelled as in results.h5, NaN if all failed.
 
     A second family with mu_s fixed goes with the first and is not judged: its spread is little more than noise.
     """
     import numpy as np
 
     from analysis.archive import Archive
+    from analysis.packings import average
     from analysis.stopping import JUDGED, judged_name
 
-    shear = [row for row in needed if row.stage == "shear"]
-    family = "coupled" if any(row.family == "coupled" for row in shear) else shear[0].family
-    place = {point: q for q, point in enumerate(used)}
-    sums, counts, kept = {}, {}, Archive(folder / ARCHIVE)
-    for row in (row for row in shear if row.family == family):
+    shear = [row for row in needed if row.stage == "shear" and row.family == "coupled"]
+    packings = sorted({row.packing for row in shear})
+    sets, kept = {}, Archive(folder / ARCHIVE)
+    for row in shear:
         path = folder / row.product
         values = _states(path, path.stat().st_mtime_ns) if path.exists() else _archived(kept, row.run_id)
         for state, symbol in JUDGED:
-            name = judged_name(state, symbol, row.mu_iso)
-            sums.setdefault(name, np.zeros(len(used)))
-            counts.setdefault(name, np.zeros(len(used)))
-            if (state, symbol) in values:
-                sums[name][place[row.point]] += values[state, symbol]
-                counts[name][place[row.point]] += 1
-    with np.errstate(invalid="ignore"):
-        return {name: sums[name] / counts[name] for name in sums}
+            found = sets.setdefault(judged_name(state, symbol, row.mu_iso), np.full((len(packings), len(used)), np.nan))
+            found[packings.index(row.packing), used.index(row.point)] = values.get((state, symbol), np.nan)
+    return {name: average(found) for name, found in sets.items()}
 
 
 @lru_cache(maxsize=100_000)

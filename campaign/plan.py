@@ -75,9 +75,8 @@ def make_rows(config: Config, points: list[dict]) -> list[Row]:
 
 def _families(config: Config, points: list[dict], first: bool):
     """Family, its fixed mu_s (None: each point has its own), and its points; a second family has one packing."""
-    if config.families.coupled:
-        yield "coupled", None, points
-    if config.families.G_p_only and (first or not config.families.coupled):
+    yield "coupled", None, points
+    if config.families.G_p_only and first:
         yield "G_p", config.families.mu_s_fixed, _spread(points, "G_p", config.families.G_p_points)
 
 

@@ -42,7 +42,6 @@ CONFIGS = {
     "[shear]\nsnapshots = [0.9]": "beyond strain_end",
     "[dem]\naccuracy = '3%'": "dem.accuracy = '3%'",
     "[dem]\ntimestep_factor = 'big'": "dem.timestep_factor = 'big' must be a number",
-    "[families]\ncoupled = false": "nothing to run",
     "[failures]\nmax_lost_probability = 2": "failures.max_lost_probability",
     "[pdem]\nmethod = 'exakt'": "did you mean 'exact'",
     "[run]\njobs = -1": "run.jobs = -1",

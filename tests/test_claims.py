@@ -39,7 +39,9 @@ def test_closed_forms_that_forget_the_density_are_held(table):
         rows = table[table.index.str.contains(words)]
         assert len(rows) and (rows["verdict"] == HELD).all() and (rows["value"] < 0.05).all()
     assert table.loc["The coordination number forgets the density", "verdict"] == HELD
-    assert (table.loc[table.index.str.contains("At the peak the PDFs"), "verdict"] == HELD).all()
+    peak = table.loc[table.index.str.contains("At the peak the PDFs"), "verdict"]
+    told = peak.index.str.contains("stress ratio")  # of the others one packing does not tell what packings add
+    assert (peak[told] == HELD).all() and (peak[~told] == OPEN).all() and told.sum() == 1
 
 
 def test_the_peak_distance_is_the_wasserstein_distance_over_the_spread(results, table):
@@ -86,7 +88,7 @@ def test_table_3_and_grading(table):
 def test_the_interval_holds_the_value_and_is_repeatable(results, table):
     again = claims_table(results, n_boot=40).set_index("claim")
     assert again.equals(table)
-    smooth = table[~table["number"].str.contains("largest|least|Wasserstein")]
+    smooth = table[~table["number"].str.contains("largest|least|Wasserstein") & table["from"].notna()]
     assert ((smooth["from"] <= smooth["value"] + 1e-9) & (smooth["value"] <= smooth["to"] + 1e-9)).all()
 
 

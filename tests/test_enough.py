@@ -13,6 +13,7 @@ import synthetic_runs
 
 from analysis import report_text, stopping
 from analysis.results import read_results
+from analysis.unrun import values_drawn
 from campaign import enough, evaluate, slurm
 from campaign.config import ConfigError, parse_config, read_config
 from campaign.plan import write_plan
@@ -121,6 +122,11 @@ def test_spared_points_are_filled_close_to_the_truth_and_marked(stopped):
     assert results.state("critical", "eta", 0.04) == pytest.approx(truth, abs=0.05 * truth.std() * 3)
     exact = synthetic.stiffness(results.family_points()["G_p"].to_numpy(), 0.04)
     assert results.state("probe", "G_0", 0.04) == pytest.approx(exact, rel=0.01)
+    measured, drawn = results.measured("critical", "eta", 0.04), values_drawn(results, "critical", "eta", 0.04, n=50)
+    assert (np.isnan(measured) == filled).all() and drawn.shape == (50, N)
+    spread = drawn.std(axis=0)
+    assert (spread[~filled] < 1e-12).all() and (spread[filled] > 1e-9).all()
+    assert drawn.mean(axis=0) == pytest.approx(results.state("critical", "eta", 0.04), abs=0.05 * truth.std())
     eta = results.response("eta", 0.04)
     assert np.isfinite(eta.values).all() and not eta.extended.any()
     with h5py.File(stopped.folder / "results.h5") as file:

@@ -70,3 +70,23 @@ def test_the_variances_are_those_of_a_balanced_layout():
     rng = np.random.default_rng(7)
     found = np.mean([packings.variances(drawn(rng, 1.0, 0.5)[1]) for _ in range(3000)], axis=0)
     assert found == pytest.approx([1.0 + 0.25 / 5, 0.25], rel=0.05)
+
+
+def test_failed_packings_and_runs_do_not_keep_the_rest_from_being_levelled():
+    rng = np.random.default_rng(9)
+    truth, sets = drawn(rng, 0.0, 0.01, R=5)
+    sets[0] += 1.0
+    whole = packings.average(sets)
+    lost = sets.copy()
+    lost[3] = np.nan
+    assert np.abs(packings.average(lost) - whole).max() < 0.1
+    scattered = sets.copy()
+    scattered[[1, 2, 3], [0, 1, 2]] = np.nan
+    assert np.abs(packings.average(scattered) - truth)[5:].max() < 0.55  # the level of the three packings compared
+    assert packings.shared(scattered)[0].sum() >= 3
+
+
+def test_a_density_whose_packings_cannot_be_compared_has_the_whole_variance_of_packings():
+    sets = np.full((3, 6), np.nan)
+    sets[0] = np.arange(6.0)
+    assert packings.level_variance(sets, np.full(6, 1 / 6), 0.04, 0.01) == 0.04

@@ -58,8 +58,6 @@ def test_second_family_of_few_points_is_spread_over_G_p():
 def test_a_second_family_has_one_packing():
     rows = rows_of("[families]\nG_p_only = true\n[assembly]\npackings = [7, 8]")
     assert {r.packing for r in rows if r.family == "G_p"} == {7}
-    alone = rows_of("[families]\ncoupled = false\nG_p_only = true\n[assembly]\npackings = [7, 8]")
-    assert {r.packing for r in alone if r.family == "G_p"} == {7, 8}
 
 
 def test_replicates_serve_some_points_spread_over_mu_s():

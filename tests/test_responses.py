@@ -122,6 +122,19 @@ def test_a_failed_run_stays_as_nan_and_its_probability_goes_to_the_others(small)
     assert line["status"] == "failed" and "servo error" in line["reason"]
 
 
+def test_the_probability_of_a_failed_run_goes_to_the_nearest_point(tmp_path):
+    plan, points, settings = synthetic.make_campaign(tmp_path, n=8, failed=(3,))
+    results = read_results(build_results(tmp_path, plan, points, settings | {"input_bootstrap": 4, "max_lost_probability": 0.9}))
+    inputs = np.log(points[["mu_s", "G_p"]].to_numpy())
+    away = np.linalg.norm((inputs - inputs[3]) / inputs.std(axis=0), axis=1)
+    nearest = np.argsort(away)[1]
+    exact = points["probability"].to_numpy().copy()
+    exact[[nearest, 3]] = exact[nearest] + exact[3], 0.0
+    assert results.weights(0.04) == pytest.approx(exact)
+    drawn = results.bootstrap_weights(0.04)
+    assert drawn.shape == (4, 8) and (drawn[:, 3] == 0).all() and drawn.sum(axis=1) == pytest.approx(1)
+
+
 def test_a_missing_product_is_refused_by_name(small):
     folder, plan, points = small
     gone = folder / "products" / f"{plan['run_id'].iloc[-1]}.h5"

@@ -30,6 +30,15 @@ def test_every_beginning_of_the_nested_order_covers_the_range():
     assert np.all(np.ptp(first, axis=0) > 0.85 * np.ptp(np.log(inputs), axis=0))
 
 
+def test_points_of_replicate_packings_come_first_and_the_rest_stays_in_its_order():
+    inputs = np.exp(np.random.default_rng(1).normal(size=(40, 2)))
+    first = np.zeros(40, bool)
+    first[[7, 11, 30]] = True
+    order, plain = stopping.nested_order(inputs, first), stopping.nested_order(inputs)
+    assert set(order[:3]) == {7, 11, 30}
+    assert [k for k in plain if not first[k]] == list(order[3:])
+
+
 def campaign(noise: float, seed: int = 1):
     """Points in nested order and a function that makes their runs."""
     rng = np.random.default_rng(seed)
