@@ -129,7 +129,7 @@ def _fidelity(frame):
     bias = _wide(frame.assign(cell=cells), "against", "cell")
     scatter = _wide(frame, "against", "scatter, rung (%)").dropna(axis=1, how="all")
     scatter.insert(1, "laptop", _wide(frame, "against", "scatter, laptop (%)").iloc[:, 1])
-    failed = int(frame.drop_duplicates("against")["failed"].sum())
+    failed = int(frame.drop_duplicates("against")["failed"].sum() + frame["failed, laptop"].iloc[0])
     promised = frame["promised (%)"].iloc[0]
     caption = f"bias of the laptop's setting against each rung in %, ± 95 %, and whether it is within {promised:g} %"
     yield webpage.table(bias, f"The fidelity ladder: {caption} ({failed} chains failed)", stack=True)
@@ -142,7 +142,8 @@ def _beyond(frame):
     off = _wide(frame.assign(cell=[f"{v:+.1f}" for v in frame["difference (%)"]]), "case", "cell")
     for name in ("scatter between packings (%)", "scatter between draws (%)"):
         off[name.removesuffix(" (%)")] = frame.groupby("response", sort=False)[name].max().to_numpy()
-    failed = int(frame.drop_duplicates("case")["failed"].sum())
+    sides = (("case", "failed"), ("against", "failed of the other"))
+    failed = sum(int(frame.drop_duplicates(side)[count].sum()) for side, count in sides)
     yield webpage.table(off, f"Difference in %: of a grading to the standard one, of own pairs to one pair a specimen "
                         f"({failed} chains failed)", stack=True, digits=2)  # fmt: skip
 

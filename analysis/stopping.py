@@ -116,24 +116,6 @@ def judged_name(state: str, symbol: str, mu_iso: float) -> str:
     return f"{symbol} at {state}, mu_iso = {mu_iso:g}"
 
 
-def run_until(inputs, evaluate, samples, stop_when="2%", batch: int = 3, rng=None, **options) -> tuple[dict, list]:
-    """Go through the points (Q, 2) in their order until the claimed error is the one asked for, or none is left.
-
-    evaluate(indices) -> {name: (len(indices),) or (T, len(indices))} makes the runs of a batch; options as in `assess`.
-    Returns the responses of the runs made, {name: (..., runs)}, and the Assessment after every batch.
-    """
-    done, history, begin = {}, [], 0
-    while begin < len(inputs):
-        end = min(len(inputs), begin + batch if begin else max(batch, LEAST))
-        new = evaluate(np.arange(begin, end))
-        done = {k: np.concatenate([done[k], v], axis=-1) if done else np.asarray(v) for k, v in new.items()}
-        history.append(assess(inputs[:end], done, samples, stop_when, rng, **options))
-        begin = end
-        if history[-1].reached:
-            break
-    return done, history
-
-
 def fill(inputs, values, **options) -> tuple[np.ndarray, np.ndarray]:
     """Values (T, Q) with the missing ones taken from the response surface through the others, and where (T, Q) so."""
     values = np.atleast_2d(np.asarray(values, float))

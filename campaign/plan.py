@@ -138,11 +138,14 @@ def predicted_steps(stage: str, values: dict) -> float:
     stiff = (values["G_p"] * values["stiffness_scale"] / values["sigma_3"]) ** (1.0 / 3.0)
     step = values["timestep_factor"] / 0.8 * (BALANCED_STEP if values["density_scaling"] else 1.0)
     if stage == "shear":
-        rate = values["inertial_number"]
-        if values["mu_s"] > FULL_RATE_FRICTION:
-            rate = min(rate, FULL_RATE * FULL_RATE_FRICTION / values["mu_s"])
+        rate = effective_rate(values["inertial_number"], values["mu_s"])
         return 8.0 * values["strain_end"] / rate * stiff / step
     return {"consolidate": 900.0, "probe": 150.0}[stage] * stiff / step
+
+
+def effective_rate(asked: float, mu_s: float) -> float:
+    """Inertial number at which shear runs: the one asked for, above FULL_RATE_FRICTION under its limit."""
+    return asked if mu_s <= FULL_RATE_FRICTION else min(asked, FULL_RATE * FULL_RATE_FRICTION / mu_s)
 
 
 def predicted_cost(rows: list[Row]) -> dict[str, dict]:

@@ -121,15 +121,18 @@ def test_tables_beside_the_results_are_shown(results, tmp_path):
     assert "<table" not in report_trust.other_runs(alone)
     ladder = {"against": ["N = 2000", "N = 8000"], "response": ["eta_peak"] * 2, "bias (%)": [0.5, 1.2345],
               "± (%)": [0.1, 0.2], "scatter, laptop (%)": [2.5, 2.5], "scatter, rung (%)": [1.75, None],
-              "promised (%)": [2, 2], "bias within": ["yes", "yes"], "failed": [0, 1]}  # fmt: skip
+              "promised (%)": [2, 2], "bias within": ["yes", "yes"], "failed": [0, 1],
+              "failed, laptop": [2, 2]}  # fmt: skip
     pd.DataFrame(ladder).to_csv(tmp_path / "fidelity.csv", index=False)
-    rest = {"case": ["gap graded", "own pair a grain"], "response": ["eta"] * 2, "state": ["peak"] * 2,
-            "difference (%)": [-3.25, 0.5], "scatter between draws (%)": [None, 1.25],
-            "scatter between packings (%)": [2.25, 2.25], "failed": [0, 0]}  # fmt: skip
+    rest = {"case": ["well graded", "gap graded", "own pair a grain"], "against": ["standard"] * 2 + ["one pair"],
+            "response": ["eta"] * 3, "state": ["peak"] * 3, "difference (%)": [1.0, -3.25, 0.5],
+            "scatter between draws (%)": [None, None, 1.25], "scatter between packings (%)": [2.25] * 3,
+            "failed": [1, 0, 0], "failed of the other": [4, 4, 2]}  # fmt: skip
     pd.DataFrame(rest).to_csv(tmp_path / "beyond.csv", index=False)
     shown = report_trust.other_runs(alone)
-    for text in ("+1.2 ± 0.2, yes", "1 chains failed", ">2.5<", ">1.8<", "-3.2", "+0.5", ">1.2<", "eta, peak"):
+    for text in ("+1.2 ± 0.2, yes", ">2.5<", ">1.8<", "-3.2", "+0.5", ">1.2<", "eta, peak"):
         assert text in shown
+    assert "(3 chains failed)" in shown and "(7 chains failed)" in shown
     assert Page(shown).open == [] and shown.count("<table") == 3
 
 

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 from analytic_cases import dem_like_states, joint_inputs, sobol_normals
 
 from analysis import stopping
+
+sys.path.insert(0, str(Path(__file__).resolve().parent / "benchmarks"))
+
+from bench_stopping import assessments
 
 SAMPLES = joint_inputs(sobol_normals(512, 5))
 
@@ -55,10 +62,10 @@ def test_quiet_runs_stop_early_and_noisy_ones_later():
     counts = []
     for noise in (0.002, 0.006, 0.02):
         inputs, evaluate = campaign(noise)
-        done, history = stopping.run_until(inputs, evaluate, SAMPLES, "5%")
+        history = assessments(inputs, evaluate(np.arange(100)), SAMPLES, "5%")
         counts.append(history[-1].runs)
-        assert len(done["peak"]) == history[-1].runs
-        assert [h.runs for h in history] == sorted(h.runs for h in history)
+        assert [h.runs for h in history] == [13, 21, 29, 37, 45, 53, 61, 69, 77, 85, 93, 100][: len(history)]
+        assert not any(h.reached for h in history[:-1])
         assert history[-1].reached == (max(history[-1].claimed.values()) <= 0.05)
     assert counts[0] < counts[1] < counts[2] <= 100 and counts[1] < 45
     assert "5.0% asked" in history[-1].sentence()

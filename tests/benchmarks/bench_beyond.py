@@ -7,13 +7,15 @@
 1,000 spheres, medium density (mu_iso = 0.04).  Gradings: the standard one against a
 well-graded one (Fuller, largest over smallest 4) and a gap-graded one (a quarter fines, medians 2.2 apart), at two
 points, one packing each.  Properties: three specimens in one packing whose grains draw their own pairs from the fitted
-joint distribution, against three packings of specimens that have one pair, the medians.  Rows go to
-data/benchmarks/beyond.csv as they finish; data/laptop/beyond.csv, which the report shows, compares them.
+joint distribution, against the specimen of that packing that has one pair, the medians; two more packings of it show
+how packings scatter.  Rows go to data/benchmarks/beyond.csv as they finish; data/laptop/beyond.csv, which the report
+shows, compares them.
 """
 
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 import h5py
@@ -54,8 +56,12 @@ def main() -> None:
         return
     for case, chain in missing:
         append(ROWS, COLUMNS, case | row(chain))
+    if not ROWS.exists():
+        sys.exit(f"{ROWS} is missing: no case has been run")
     rows = pd.read_csv(ROWS)
     table = compared(rows[rows.scripts == rows.scripts.iloc[-1]])
+    if not len(table):
+        sys.exit(f"{ROWS}: nothing to compare has rows yet, so there is no table")
     TABLE.parent.mkdir(parents=True, exist_ok=True)
     table.to_csv(TABLE, index=False, float_format="%.4g")
     print(table.to_string(index=False, float_format=lambda v: f"{v:.3g}"))
@@ -76,26 +82,30 @@ def cases():
 def compared(rows: pd.DataFrame) -> pd.DataFrame:
     """Per case and response: means over the runs, their difference in %, and what draws and packings scatter by.
 
-    Gradings are compared with the standard one at the same points, own pairs with one pair at the medians; the scatter
-    between packings is that of specimens of one pair.  In shown units.
+    Gradings are compared with the standard one, own pairs with one pair, each at the points and packings that both
+    have: the difference is the mean of the ratios there, the draws of a packing averaged first.  The scatter between
+    packings is that of all specimens of one pair.  In shown units.
     """
     good, out = rows[rows.failure.isna()], []
-    one = good[good.case == ONE_PAIR]
-    for name in dict.fromkeys(good.case):
+    one, failed = good[good.case == ONE_PAIR], rows.failure.notna().groupby(rows.case).sum()
+    for name in dict.fromkeys(rows.case):
         if name in (STANDARD, ONE_PAIR):
             continue
-        own = good[good.case == name]
-        against = one if name == OWN_PAIRS else good[(good.case == STANDARD) & good.point.isin(own.point)]
+        against = ONE_PAIR if name == OWN_PAIRS else STANDARD
+        own, other = (good[good.case == case].groupby(["point", "packing"]) for case in (name, against))
+        both = own.size().index.intersection(other.size().index)
+        runs = own.size().loc[both].sum()
         for (symbol, state), response in zip(RESPONSES, NAMES, strict=True):
-            mean, other = own[response].mean(), against[response].mean()
+            mine, its = (part[response].mean().loc[both] for part in (own, other))
+            draws = own[response].std().loc[both] / mine
             factor, unit = QUANTITIES[symbol].shown_factor, QUANTITIES[symbol].shown_unit
-            out.append({"case": name, "against": ONE_PAIR if name == OWN_PAIRS else STANDARD, "state": state,
+            out.append({"case": name, "against": against, "state": state,
                         "response": symbol + (f" ({unit})" if unit else ""),
-                        "runs": len(own), "mean": factor * mean, "mean of the other": factor * other,
-                        "difference (%)": 100 * (mean / other - 1),
-                        "scatter between draws (%)": 100 * own[response].std() / mean if name == OWN_PAIRS else np.nan,
+                        "runs": runs, "mean": factor * mine.mean(), "mean of the other": factor * its.mean(),
+                        "difference (%)": 100 * (mine / its - 1).mean(),
+                        "scatter between draws (%)": 100 * draws.mean(),
                         "scatter between packings (%)": 100 * one[response].std() / one[response].mean(),
-                        "failed": int(rows[rows.case == name].failure.notna().sum())})  # fmt: skip
+                        "failed": int(failed[name]), "failed of the other": int(failed.get(against, 0))})  # fmt: skip
     return pd.DataFrame(out)
 
 

@@ -13,7 +13,7 @@ import matplotlib.pyplot as plt
 from scipy.stats import t
 
 REFERENCE, BASE, CASE = "reference", "base", ["packing", "mu_iso", "point"]
-#: Responses as in spec section 2 and how their error is shown: relative to the reference's mean.
+#: Responses as in spec section 2; their error is shown relative to the reference's mean over the compared cases.
 RESPONSES = (
     "eta_peak",
     "eps_peak_peak",
@@ -57,7 +57,8 @@ def errors(rows: pd.DataFrame, against: str) -> pd.DataFrame:
         for name in RESPONSES:
             if not len(common):
                 continue
-            relative = (some.loc[common, name] - base.loc[common, name]) / base[name].mean()
+            own, other = some.loc[common, name], base.loc[common, name]
+            relative = (own - other) / other.mean()
             n = len(relative)
             half = t.ppf(0.975, n - 1) * relative.std(ddof=1) / np.sqrt(n) if n > 1 else np.nan
             out.append(
