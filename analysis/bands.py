@@ -87,22 +87,6 @@ def with_bands(density: Density, surface, bootstrap, rng, level: float = 0.95) -
     return replace(density, low=low, high=high)
 
 
-def replicate_noise(replicates) -> tuple[np.ndarray, np.ndarray]:
-    """Packing noise (T,) of a single run, and of the mean over packings, from replicates (R, T, Q) pooled over points.
-
-    Points with fewer than two values at a strain do not count; NaN where no point has two.
-    """
-    replicates = np.asarray(replicates, float)
-    known = np.isfinite(replicates)
-    count = known.sum(axis=0)
-    values = np.where(known, replicates, 0.0)
-    mean = values.sum(axis=0) / np.maximum(count, 1)
-    square = np.sum(np.where(known, (replicates - mean) ** 2, 0.0), axis=0)
-    freedom = np.maximum(count - 1, 0).sum(axis=1)
-    single = np.sqrt(np.where(freedom > 0, square.sum(axis=1) / np.maximum(freedom, 1), np.nan))
-    return single, single / np.sqrt(np.maximum(count.mean(axis=1), 1.0))
-
-
 def _moments(surface, samples, coefficients):
     basis = surface.basis(samples)
     middle = basis.mean(axis=0)

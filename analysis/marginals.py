@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
-from scipy import stats
 
 from analysis.marginal_families import FAMILIES, MarginalError, family_of
 
@@ -177,8 +176,3 @@ def _standard_errors(kind, x: np.ndarray, estimate: np.ndarray) -> list[float]:
             information[i, j] = -sum(corners) / 4.0
     variance = np.diag(np.linalg.pinv(information))
     return (step * np.sqrt(np.where(variance > 0, variance, np.nan))).tolist()
-
-
-def known_parameter_p(marginal: Marginal) -> float:
-    """p-value of the Kolmogorov-Smirnov distance if the parameters had been known beforehand (exact distribution)."""
-    return float(stats.kstwo.sf(marginal.ks, marginal.n))

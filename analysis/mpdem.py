@@ -101,11 +101,6 @@ def joint_density(
     )
 
 
-def joint_evolution(h1, h2, probability, rows, **options) -> list[JointDensity]:
-    """Joint PDFs of two responses h1, h2 (T, Q) at the strains with the indices `rows`."""
-    return [joint_density(h1[k], h2[k], probability, **options) for k in rows]
-
-
 def pair_widths(one, two, weight) -> tuple[float, float]:
     """Kernel widths for a pair: 3.5 n^(-1/2) (1 - rho^2)^(1/4) standard deviations each, n = 1 / sum P^2.
 

@@ -92,14 +92,6 @@ def select_points(
     return _points(joint, x, probability, method, seed, nested)
 
 
-def double_points(points: RepresentativePoints, joint: Joint) -> RepresentativePoints:
-    """Twice as many points of which the first half are the given ones (with new probabilities): paid runs stay
-    useful.
-    """
-    x, probability = _doubled(joint, points.x, points.seed)
-    return _points(joint, x, probability, points.method, points.seed, True)
-
-
 def reweight(points: RepresentativePoints, joint: Joint, samples: int = 2**14) -> RepresentativePoints:
     """The same points with the probabilities that another joint distribution gives them: no new simulation is needed.
 

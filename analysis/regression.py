@@ -139,20 +139,6 @@ def _kriging(z, values, length, ratio):
     return out
 
 
-def local_quadratic(x, width) -> np.ndarray:
-    """Smoother matrix (T, T): weighted quadratic regression around every x (T,), Gaussian window of the given width."""
-    off = (x[None, :] - x[:, None]) / width
-    # Near an end, and where outputs are sparse, at least the five nearest take part.
-    reach = np.maximum(1.0, np.sort(np.abs(off), axis=1)[:, min(4, len(x) - 1)] / 1.5)[:, None]
-    weight = np.exp(-0.5 * (off / reach) ** 2)
-    basis = np.stack([np.ones_like(off), off, off**2], axis=2)
-    weighted = basis * weight[:, :, None]
-    normal = np.einsum("tij,tik->tjk", weighted, basis)
-    normal += 1e-12 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(3)
-    first = np.linalg.solve(normal, np.broadcast_to(np.eye(3)[:, :1], (len(x), 3, 1)))[:, :, 0]
-    return np.einsum("tij,tj->ti", weighted, first)
-
-
 def root(covariance) -> np.ndarray:
     """A matrix whose product with its transpose is the given one, singular ones included."""
     value, vector = np.linalg.eigh(covariance)

@@ -147,14 +147,20 @@ class Results:
         with h5py.File(self.path) as file:
             return _group(file, f"families/{family}/{mu_iso:g}/states/{state}/{symbol}")[()]
 
-    def consolidated(self, symbol, mu_iso):
-        """Values (R,) and weights (R,) of e, e_m, Z or Z_m after consolidation.
+    def consolidated(self, symbol, mu_iso, family="coupled"):
+        """Values (R,) of e, e_m, Z or Z_m after R consolidations at a density, and their weights (R,), of sum 1.
 
-        One a packing; with `per_point` one a point, weighted as the points are.
+        One a packing, all alike; with `per_point` one a point and packing, and the consolidations of a point share its
+        probability in the family.
         """
         runs = self.runs[(self.runs["stage"] == "consolidate") & (self.runs["mu_iso"] == mu_iso)]
-        runs = runs[np.isfinite(runs[symbol].astype(float))]
-        weights = runs["point"].map(self.points.set_index("id")["probability"]).fillna(1.0).to_numpy(float)
+        runs = runs[runs["family"].isin(["shared", family]) & np.isfinite(runs[symbol].astype(float))]
+        weights = np.ones(len(runs))
+        if (runs["point"] >= 0).any():
+            probability = self.family_points(family).set_index("id")["probability"]
+            runs = runs[runs["point"].isin(probability.index)]
+            point = runs["point"]
+            weights = (point.map(probability) / point.map(point.value_counts())).to_numpy(float)
         return runs[symbol].to_numpy(float), weights / weights.sum() if len(weights) else weights
 
     def state_error(self, state, symbol, mu_iso, family="coupled"):

@@ -55,12 +55,6 @@ class Surrogate:
         """Response (T, n) at the inputs (n, 2) [mu_s, G_p in Pa]."""
         return self.coefficients @ self.basis(inputs).T
 
-    def standard_error(self, inputs) -> np.ndarray:
-        """Standard deviation (T, n) of the prediction, from packing noise alone."""
-        basis = self.basis(inputs)
-        spread = np.einsum("nm,tmk,nk->tn", basis, self.covariance, basis)
-        return self.noise[:, None] * np.sqrt(np.maximum(spread, 0.0))
-
     def draws(self, n: int, rng) -> np.ndarray:
         """Coefficients (n, T, M) that the data would also allow: normal, the noise drawn from its own distribution."""
         chi2 = rng.chisquare(self.dof, size=(n, len(self.dof)))
@@ -105,29 +99,3 @@ def smoothed(inputs, values, **options) -> tuple[np.ndarray, np.ndarray, Surroga
     scatter = np.nanvar(np.atleast_2d(values), axis=1, ddof=1)
     share = np.where(scatter > 0, surface.noise**2 / np.where(scatter > 0, scatter, 1.0), 0.0)
     return surface.predict(inputs), np.minimum(share, 1.0), surface
-
-
-def smooth_along_strain(h, strain, width: float | None = None) -> tuple[np.ndarray, float]:
-    """Local quadratic regression of each path h (T, Q) along strain, with a Gaussian window of the given width.
-
-    Without a width the one with the least leave-one-out error over all paths is taken, of a geometric row from two
-    output intervals to a tenth of the strain.  Missing values are filled in only between known ones.
-    Returns the smoothed paths (T, Q), NaN where h has none, and the width.
-    """
-    h, strain = np.asarray(h, float), np.asarray(strain, float)
-    known = np.isfinite(h)
-    filled = h.copy()
-    for q in np.flatnonzero(~known.all(axis=0) & known.any(axis=0)):
-        filled[:, q] = np.interp(strain, strain[known[:, q]], h[known[:, q], q])
-    filled[:, ~known.any(axis=0)] = 0.0
-    if width is None:
-        rows = np.geomspace(2 * np.median(np.diff(strain)), 0.1 * (strain[-1] - strain[0]), 12)
-        width = float(min(rows, key=lambda w: _strain_loo(filled, strain, w)))
-    smooth = regression.local_quadratic(strain, width) @ filled
-    return np.where(known, smooth, np.nan), width
-
-
-def _strain_loo(h, strain, width):
-    smoother = regression.local_quadratic(strain, width)
-    leverage = np.minimum(np.diag(smoother), 0.999)
-    return float(np.mean(((h - smoother @ h) / (1 - leverage)[:, None]) ** 2))

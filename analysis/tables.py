@@ -62,19 +62,25 @@ def copulas(results) -> pd.DataFrame:
 def initial_state(results) -> pd.DataFrame:
     """e, e_m, Z and Z_m after consolidation per density (Table 3), beside the paper's, and before shear.
 
-    Mean and COV are over the consolidations, one a packing (or one a point); "before shear" is the average over the
-    points, each at rest again with its own mu_s and G_p.
+    Mean and COV are over the consolidations.  With one a packing (at least two, else no COV) the packings are a sample
+    and COV is the sample standard deviation between them, R - 1 in its denominator, over the mean; with one a point
+    both are weighted as the points are, as in every other table.  "before shear" is the average over the points, each
+    at rest again with its own mu_s and G_p.
     """
-    rows = []
+    rows, runs = [], results.runs
+    of_points = not (runs.loc[runs["stage"] == "consolidate", "point"] < 0).any()
     for mu_iso in results.family_densities():
         weight = results.weights(mu_iso)
         for symbol in CONSOLIDATED:
             (found, share), before = results.consolidated(symbol, mu_iso), results.state("initial", symbol, mu_iso)
             mean = float(found @ share) if len(found) else np.nan
+            cov = np.nan
+            if len(found) > 1:
+                cov = float(weighted.cov(found, share) if of_points else found.std(ddof=1) / mean)
             theirs, their_cov = paper.INITIAL_STATE.get((symbol, mu_iso), (np.nan, np.nan))
             rows.append({"mu_iso": mu_iso, "quantity": symbol, "consolidations": len(found), "mean": mean,
-                         "COV": float(found.std(ddof=1) / mean) if len(found) > 1 else np.nan, "paper mean": theirs,
-                         "paper COV": their_cov, "difference (%)": 100 * (mean / theirs - 1),
+                         "COV": cov, "paper mean": theirs, "paper COV": their_cov,
+                         "difference (%)": 100 * (mean / theirs - 1),
                          "mean before shear": float(weighted.mean(before, weight)),
                          "COV before shear": float(weighted.cov(before, weight))})  # fmt: skip
     return pd.DataFrame(rows)

@@ -74,12 +74,6 @@ def stress_ratio(sigma: np.ndarray) -> np.ndarray:
     return deviator_stress(sigma) / mean_stress(sigma)
 
 
-def cell_strains(cell: np.ndarray, start: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """q = sigma_1 - sigma_3 of tensors (..., 3, 3) Pa; sigma_1 along z, sigma_3 the mean of the two across."""
-    shortened = np.log((cell[0] if start is None else start) / cell)
-    return shortened[:, 2], shortened.sum(axis=1)
-
-
 def deformation_strain(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     """Logarithmic strain (3, 3), compression positive, that takes the cell matrix `start` (columns = vectors) to `end`.
 
@@ -88,11 +82,6 @@ def deformation_strain(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     F = end @ np.linalg.inv(start)
     stretch, axes = np.linalg.eigh(F @ F.T)
     return -0.5 * (axes * np.log(stretch)) @ axes.T
-
-
-def shear_strain(eps_a: np.ndarray, eps_v: np.ndarray) -> np.ndarray:
-    """eps_q = 2/3 (eps_a - eps_r) = eps_a - eps_v / 3 in triaxial compression."""
-    return eps_a - eps_v / 3.0
 
 
 def peak_state(

@@ -8,6 +8,7 @@ Love stress is exact: contact forces f_i = sigma_ii a^2.
 from __future__ import annotations
 
 import atexit
+import dataclasses
 import functools
 import json
 import shutil
@@ -24,10 +25,10 @@ from analysis.quantities import RECORD
 DENSITIES = (0.001, 0.04, 0.1)
 SIGMA_3 = 100e3
 SPACING = 2.4e-4
-E_0 = {0.001: 0.54, 0.04: 0.585, 0.1: 0.62}
-Z_0 = {0.001: 5.8, 0.04: 5.35, 0.1: 4.95}
-HUMP = {0.001: 1.0, 0.04: 0.55, 0.1: 0.2}
-STIFF = {0.001: 1.12, 0.04: 1.0, 0.1: 0.88}
+E_0 = {0.001: 0.54, 0.04: 0.585, 0.1: 0.62, 0.2: 0.64}
+Z_0 = {0.001: 5.8, 0.04: 5.35, 0.1: 4.95, 0.2: 4.7}
+HUMP = {0.001: 1.0, 0.04: 0.55, 0.1: 0.2, 0.2: 0.1}
+STIFF = {0.001: 1.12, 0.04: 1.0, 0.1: 0.88, 0.2: 0.82}
 
 
 def critical_eta(mu_s):
@@ -227,6 +228,19 @@ def example(noise=0.0):
     folder = Path(tempfile.mkdtemp(prefix="example-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return responses.build_results(folder, *make_campaign(folder, n=5, noise=noise, families=("coupled", "G_p")))
+
+
+def consolidated_per_point(results, packings=(1,)):
+    """The results as if every point had been consolidated by itself, the first in every packing, the rest in one.
+
+    e is 0.5 + 0.01 point + 0.1 packing, whatever the density; nothing else of the results changes.
+    """
+    shear = results.runs[(results.runs["stage"] == "shear") & (results.runs["family"] == "coupled")]
+    parts = [shear[shear["point"] == 0].assign(packing=packing) for packing in packings[1:]]
+    own = pd.concat([shear, *parts]).assign(stage="consolidate", family="shared", Z=5.0, Z_m=5.2, e_m=0.6)
+    own["e"] = 0.5 + 0.01 * own["point"] + 0.1 * own["packing"]
+    runs = pd.concat([own, results.runs[results.runs["stage"] != "consolidate"]], ignore_index=True)
+    return dataclasses.replace(results, runs=runs)
 
 
 def make_campaign(folder, n=8, noise=0.0, families=("coupled",), packings=(1,), steady=(), failed=()):

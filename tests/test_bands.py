@@ -1,4 +1,4 @@
-"""Bands: standard errors against closed forms, the share of noise, replicates, the band on a PDF."""
+"""Bands: standard errors against closed forms, the share of noise, the band on a PDF."""
 
 from __future__ import annotations
 
@@ -66,16 +66,6 @@ def test_band_on_a_density_holds_the_density_and_narrows_with_less_noise():
         assert np.sum(shown.p[inside]) > 0.8 * np.sum(shown.p)
         widths.append(np.sum(shown.high - shown.low) * shown.dx[0])
     assert widths[0] < widths[1]
-
-
-def test_replicates_give_the_noise_of_a_run_and_of_the_mean():
-    rng = np.random.default_rng(8)
-    runs = rng.normal(size=(1, 3, 500)) + 0.2 * rng.normal(size=(4, 3, 500))
-    runs[3, :, :250] = np.nan
-    single, mean = bands.replicate_noise(runs)
-    assert single == pytest.approx(np.full(3, 0.2), rel=0.08)
-    assert mean == pytest.approx(single / np.sqrt(3.5))
-    assert np.all(np.isnan(bands.replicate_noise(runs[:1])[0]))
 
 
 def test_too_few_bootstrap_samples_are_refused():

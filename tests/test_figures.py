@@ -12,6 +12,7 @@ from PIL import Image
 from analysis import weighted
 from analysis.figures import FIGURES, panels, style, write_figures
 from analysis.quantities import QUANTITIES
+from analysis.responses import build_results
 from analysis.results import read_results
 
 
@@ -101,14 +102,27 @@ def test_a_png_that_would_be_too_big_loses_resolution(tmp_path, monkeypatch):
     assert style.save(figure, tmp_path / "noise.png", dpi=100).stat().st_size < style.LIMIT_BYTES
 
 
-def test_a_campaign_of_one_density_has_its_figures_too(tmp_path):
-    from analysis.responses import build_results
-
+def small_campaign(folder, densities, stages):
+    """Results of three points at some densities, 30 windows a run."""
     points = synthetic.representative_points(3)
-    plan = synthetic.plan_rows(tmp_path, points, densities=(0.04,))
-    plan = plan[plan["stage"] != "probe"]
+    plan = synthetic.plan_rows(folder, points, densities=densities)
+    plan = plan[plan["stage"].isin(stages)]
     for row in plan.itertuples():
         synthetic.write_run(row, windows=30)
-    single = read_results(build_results(tmp_path, plan, points, synthetic.settings()))
+    return read_results(build_results(folder, plan, points, synthetic.settings()))
+
+
+def test_four_densities_are_all_in_the_figures(tmp_path):
+    four = small_campaign(tmp_path, (0.001, 0.04, 0.1, 0.2), ("consolidate", "probe", "shear"))
+    solid = [axis for axis in FIGURES["fig06_stress_ratio_surfaces"](four).axes if axis.name == "3d"]
+    assert [axis.get_title(loc="left")[:3] for axis in solid] == ["(b)", "(c)", "(d)", "(e)"]
+    right = FIGURES["fig13_stiffness_dilatancy"](four).axes[1]
+    assert [line.get_marker() for line in right.lines] == list("^soD")
+    legend = FIGURES["fig14_joint_eta_e"](four).axes[0].get_legend()
+    assert [text.get_text()[-3:] for text in legend.get_texts()] == ["001", ".04", "0.1", "0.2"]
+
+
+def test_a_campaign_of_one_density_has_its_figures_too(tmp_path):
+    single = small_campaign(tmp_path, (0.04,), ("consolidate", "shear"))
     for name in ("fig06_stress_ratio_surfaces", "fig08_void_ratio", "fig13_stiffness_dilatancy", "fig14_joint_eta_e"):
         assert FIGURES[name](single).axes

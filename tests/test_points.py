@@ -84,13 +84,6 @@ def test_nested_points_keep_the_runs_already_paid_for():
         assert max(np.abs(value).max() for value in errors(chosen).values()) < 1e-6
 
 
-def test_any_set_can_be_doubled():
-    small = points.select_points(JOINT, 12)
-    large = points.double_points(small, JOINT)
-    assert np.array_equal(large.x[:12], small.x) and large.n == 24
-    assert max(large.discrepancy) < 0.75 * max(small.discrepancy)
-
-
 def test_every_beginning_is_a_fair_set():
     chosen = points.select_points(JOINT, 100)
     w = JOINT.rosenblatt(chosen.x)

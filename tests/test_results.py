@@ -5,10 +5,12 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
 import numpy as np
+import pandas as pd
 import pytest
 import synthetic_results as synthetic
 
@@ -57,6 +59,27 @@ def test_the_family_with_fixed_friction_has_its_own_points(campaign):
 def test_a_name_that_is_not_there_is_one_clear_line(campaign, ask):
     with pytest.raises(ResultsError, match=r"there is no \S+$"):
         campaign[-1].response(*ask)
+
+
+def test_consolidations_weigh_alike_or_as_the_points_do(campaign):
+    points, _, results = campaign
+    assert [list(both) for both in results.consolidated("e", 0.04)] == [[synthetic.E_0[0.04]], [1.0]]
+    alone = synthetic.consolidated_per_point(results)
+    found, share = alone.consolidated("e", 0.04)
+    assert found == pytest.approx(0.6 + 0.01 * points["id"])
+    assert share == pytest.approx(points["probability"].to_numpy())
+    twice = synthetic.consolidated_per_point(results, packings=(1, 2))
+    found, share = twice.consolidated("e", 0.04)
+    assert found[-1] == pytest.approx(0.7) and len(found) == 6 and share.sum() == pytest.approx(1)
+    assert share[[0, -1]] == pytest.approx(0.5 * points["probability"][0])
+    assert share[1:-1] == pytest.approx(points["probability"].to_numpy()[1:])
+
+
+def test_consolidations_take_the_familys_points_where_ids_repeat(campaign):
+    points, _, results = campaign
+    both = pd.concat([points.assign(family=family) for family in results.families])
+    alone = replace(synthetic.consolidated_per_point(results), points=both)
+    assert alone.consolidated("e", 0.04)[1] == pytest.approx(points["probability"].to_numpy())
 
 
 def test_files_that_are_no_results_are_refused(tmp_path):

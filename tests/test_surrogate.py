@@ -56,7 +56,8 @@ def test_smoothing_removes_four_fifths_of_the_noise_variance_and_finds_its_size(
     assert left < 0.2
     assert np.mean(surface.noise[1:]) == pytest.approx(0.015, rel=0.05)
     assert share[-1] == pytest.approx(0.015**2 / np.var((smooth + noise)[-1], ddof=1), rel=0.2)
-    predicted = np.mean(surface.standard_error(inputs)[1:] ** 2) ** 0.5
+    drawn = surface.draws(200, np.random.default_rng(5)) @ surface.basis(inputs).T
+    predicted = np.mean(drawn[:, 1:].var(axis=0)) ** 0.5
     assert predicted == pytest.approx(np.sqrt(np.mean((fitted - smooth)[1:] ** 2)), rel=0.3)
 
 
@@ -87,20 +88,3 @@ def test_beyond_the_runs_the_surface_stays_at_its_bound():
 def test_what_cannot_be_fitted_is_refused(inputs, values, message):
     with pytest.raises(surrogate.SurrogateError, match=message):
         surrogate.fit(inputs, values)
-
-
-def test_smoothing_along_strain_keeps_parabolas_and_lowers_noise(campaign):
-    _, smooth, noise = campaign
-    uneven = np.concatenate([[0.0], np.geomspace(1e-3, 0.4, 59)])
-    parabola = np.outer(1 + 2 * uneven - uneven**2, [1.0, -3.0])
-    assert surrogate.smooth_along_strain(parabola, uneven, 0.02)[0] == pytest.approx(parabola, abs=1e-7)
-    smoothed, width = surrogate.smooth_along_strain(smooth + noise, STRAIN)
-    late = STRAIN > 0.1
-    assert np.std((smoothed - smooth)[late]) < 0.6 * 0.015 and 0.005 < width < 0.05
-
-
-def test_missing_outputs_stay_missing_after_smoothing_along_strain(campaign):
-    _, smooth, noise = campaign
-    h = smooth + noise
-    h[30:, 3] = np.nan
-    assert np.array_equal(np.isnan(surrogate.smooth_along_strain(h, STRAIN, 0.01)[0]), np.isnan(h))

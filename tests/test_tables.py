@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 import synthetic_results as synthetic
 
-from analysis import paper, tables, weighted
+from analysis import claim_numbers, paper, tables, weighted
+from analysis.results import read_results
 
 
 @pytest.fixture(scope="module")
@@ -49,6 +52,28 @@ def test_initial_state_stands_beside_table_3(written):
         assert (row["paper mean"], row["paper COV"]) == (mean, cov)
         assert row["difference (%)"] == pytest.approx(100 * (row["mean"] / mean - 1), abs=0.01)
     assert frame.loc[("e", 0.04), "mean"] == pytest.approx(synthetic.E_0[0.04])
+
+
+def test_initial_state_of_packings_has_the_sample_standard_deviation():
+    results = read_results(synthetic.example())
+    two = results.runs[results.runs["stage"] == "consolidate"].assign(e=0.6, Z=5.2)
+    frame = tables.initial_state(replace(results, runs=pd.concat([results.runs, two], ignore_index=True)))
+    row = frame.set_index(["quantity", "mu_iso"]).loc[("e", 0.04)]
+    found = np.array([synthetic.E_0[0.04], 0.6])
+    assert (row["consolidations"], row["mean"]) == (2, pytest.approx(found.mean()))
+    assert row["COV"] == pytest.approx(found.std(ddof=1) / found.mean())
+
+
+def test_initial_state_of_points_is_weighted_and_that_of_the_claim():
+    results = synthetic.consolidated_per_point(read_results(synthetic.example()), packings=(1, 2, 3))
+    frame = tables.initial_state(results).set_index(["quantity", "mu_iso"])
+    p = synthetic.representative_points(5)["probability"].to_numpy()
+    e, share = np.array([0.6, 0.7, 0.8, 0.61, 0.62, 0.63, 0.64]), np.append(np.full(3, p[0] / 3), p[1:])
+    row = frame.loc[("e", 0.1)]
+    assert row["consolidations"] == 7 and row["mean"] == pytest.approx(e @ share)
+    assert row["COV"] == pytest.approx(np.sqrt(share @ (e - e @ share) ** 2) / (e @ share))
+    claimed = claim_numbers.initial_cov({"coupled": claim_numbers.full_sample(results, "coupled")})
+    assert claimed == pytest.approx(frame["COV"].max())
 
 
 def test_moments_along_strain_are_weighted_and_in_percent(written):

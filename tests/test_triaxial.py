@@ -29,14 +29,6 @@ def test_stress_ratio_of_a_tensor():
     assert triaxial.stress_ratio(sigma).tolist() == [1.0, 0.0]
 
 
-def test_strains_of_a_cell():
-    cell = np.array([[1.0, 1.0, 1.0], [1.01, 1.02, 0.9]])
-    eps_a, eps_v = triaxial.cell_strains(cell)
-    assert eps_a == pytest.approx([0.0, -np.log(0.9)])
-    assert eps_v == pytest.approx([0.0, -np.log(1.01 * 1.02 * 0.9)])
-    assert triaxial.cell_strains(cell[1:], cell[0])[0] == pytest.approx([-np.log(0.9)])
-
-
 def test_tensor_strain_forgets_rotation_and_is_exact_when_large():
     rng = np.random.default_rng(1)
     strain = rng.normal(scale=0.3, size=(3, 3))
@@ -152,7 +144,6 @@ def test_dilatancy_takes_the_elastic_parts_off():
     assert found[20:-5] == pytest.approx(D, abs=2e-4)
     bare = triaxial.dilatancy(eps_a, eps_v, p, q)
     assert abs(bare[20] - D) > 5 * abs(found[20] - D)
-    assert triaxial.shear_strain(0.3, -0.06) == pytest.approx(0.32)
 
 
 def test_undrained_shear_has_no_dilatancy():

@@ -52,11 +52,11 @@ def pooled(results, state, symbols, family="coupled"):
 
 def _points(axis, results, state, symbol, legend):
     densities = results.family_densities()
-    for mu_iso, (look, marker) in zip(densities, zip(style.density_style(densities).values(), "^so", strict=False),
-                                      strict=False):  # fmt: skip
+    markers = style.density_markers(densities)
+    for mu_iso, look in style.density_style(densities).items():
         axis.scatter(results.state(state, "eta", mu_iso), style.shown(symbol, results.state(state, symbol, mu_iso)),
-                     s=8 + 150 * results.weights(mu_iso), marker=marker, facecolor="white", edgecolor=look["color"],
-                     linewidth=0.8, label=look["label"], zorder=3)  # fmt: skip
+                     s=8 + 150 * results.weights(mu_iso), marker=markers[mu_iso], facecolor="white",
+                     edgecolor=look["color"], linewidth=0.8, label=look["label"], zorder=3)  # fmt: skip
     if legend:
         axis.legend(loc="best", fontsize=6.5)
 

@@ -9,7 +9,7 @@ from analysis.figures import panels, style
 def stiffness_dilatancy(results):
     """PDFs of G_0 and of D^p per density, and every point against G_p and mu_s."""
     densities = results.family_densities()
-    points = results.family_points()
+    points, markers = results.family_points(), style.density_markers(densities)
     figure = style.new_figure(7.2, 5.6)
     axes = figure.subplots(2, 2)
     rows = (("probe", "G_0", "G_p"), ("peak", "D_p", "mu_s"))
@@ -20,9 +20,10 @@ def stiffness_dilatancy(results):
             continue
         panels.state_pdfs(left, results, state, symbol, legend=True)
         panels.panel_title(left, letters[0])
-        for (mu_iso, look), marker in zip(style.density_style(densities).items(), "^so", strict=False):
+        for mu_iso, look in style.density_style(densities).items():
             right.plot(style.shown(driver, points[driver]), style.shown(symbol, results.state(state, symbol, mu_iso)),
-                       marker, ms=4, color=look["color"], mfc="none", mew=0.9, label=look["label"])  # fmt: skip
+                       markers[mu_iso], ms=4, color=look["color"], mfc="none", mew=0.9,
+                       label=look["label"])  # fmt: skip
         right.set(xlabel=style.label(driver), ylabel=style.label(symbol))
         panels.panel_title(right, letters[1], "every point")
     return figure

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from analysis.figures import panels, style
@@ -33,18 +35,19 @@ def stress_ratio(results):
 
 @style.styled
 def surfaces(results):
-    """Figure 6: PDF surfaces of eta, the densest also in plan."""
+    """Figure 6: a PDF surface of eta for every density, the densest also in plan; two panels a row."""
     densities = results.family_densities()
-    figure = style.new_figure(7.2, 6.6)
-    plan = figure.add_subplot(2, 2, 1)
+    rows = math.ceil((1 + len(densities)) / 2)
+    figure = style.new_figure(7.2, 3.3 * rows)
+    plan = figure.add_subplot(rows, 2, 1)
     response = results.response("eta", densities[0])
     panels.colour_bar(figure, panels.contours(plan, response), plan, style.pdf_label("eta"))
     plan.set_ylabel(style.label("eta"))
     plan.set_ylim(*panels.visible_range([response], "eta"))
     panels.panel_title(plan, "a", style.density_title(densities[0], densities) + ", in plan")
-    for k, mu_iso in enumerate(densities[:3]):
-        axis = figure.add_subplot(2, 2, k + 2, projection="3d")
-        title = f"({'bcd'[k]}) {style.density_title(mu_iso, densities)}"
+    for k, mu_iso in enumerate(densities):
+        axis = figure.add_subplot(rows, 2, k + 2, projection="3d")
+        title = f"({chr(ord('b') + k)}) {style.density_title(mu_iso, densities)}"
         panels.surface(axis, results.response("eta", mu_iso), title=title)
     return figure
 

@@ -15,6 +15,7 @@ from analysis.quantities import QUANTITIES
 COLOURS = "cividis"
 LIMIT_BYTES = 300_000
 LINES = ("-", "--", (0, (4, 1.2, 1, 1.2)), ":")
+MARKERS = "^soDvP"
 RC = {
     "font.size": 9, "axes.titlesize": 9.5, "axes.labelsize": 9, "legend.fontsize": 8, "xtick.labelsize": 8,
     "ytick.labelsize": 8, "axes.spines.top": False, "axes.spines.right": False, "axes.linewidth": 0.7,
@@ -65,6 +66,11 @@ def density_style(densities) -> dict:
         }
         for k, mu_iso in enumerate(densities)
     }
+
+
+def density_markers(densities) -> dict:
+    """Marker of each consolidation friction, from the start again when they run out."""
+    return {mu_iso: MARKERS[k % len(MARKERS)] for k, mu_iso in enumerate(densities)}
 
 
 def density_title(mu_iso, densities) -> str:
