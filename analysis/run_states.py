@@ -87,8 +87,11 @@ def probe_asymmetry(probe) -> float:
 
 
 def contacts_at_limit(run) -> float:
-    """Share of contacts that stand at the Coulomb limit before the probe; NaN without snapshot or friction."""
-    if not run.snapshots or "mu_s" not in run.parameters:
+    """Share of contacts that stand at the Coulomb limit before the probe.
+
+    NaN without snapshot or friction, and where each grain has its own friction, which a snapshot does not keep.
+    """
+    if not run.snapshots or "mu_s" not in run.parameters or run.parameters.get("heterogeneity") == "grain":
         return np.nan
     s = read_snapshot(run, 0)
     return micromechanics.sliding_fraction(s.f_n, s.f_t, float(run.parameters["mu_s"]))

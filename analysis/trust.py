@@ -56,9 +56,10 @@ def proofs(results) -> pd.DataFrame:
 def noise(results, symbols=("eta", "e", "Z", "Phi_dev")) -> pd.DataFrame:
     """Per density and quantity at the critical state: spread of the points against what one run's average is worth.
 
-    Standard errors come from block averages within a run, the scatter from replicate packings at the same point
-    (standard deviation, averaged over the points that have some; NaN without).  `common` is what all points of a
-    density may share and claims and bands allow for.  All in shown units.
+    Standard errors come from block averages within a run (divided by the root of their number where several packings
+    serve a point), the scatter from replicate packings at the same point (standard deviation, averaged over the points
+    that have some; NaN without).  `common` is what all points of a density may share and claims and bands allow for.
+    All in shown units.
     """
     results = read_results(results)
     rows = []

@@ -124,7 +124,8 @@ def test_a_failed_run_stays_as_nan_and_its_probability_goes_to_the_others(small)
 
 def test_the_probability_of_a_failed_run_goes_to_the_nearest_point(tmp_path):
     plan, points, settings = synthetic.make_campaign(tmp_path, n=8, failed=(3,))
-    results = read_results(build_results(tmp_path, plan, points, settings | {"input_bootstrap": 4, "max_lost_probability": 0.9}))
+    more = {"input_bootstrap": 4, "max_lost_probability": 0.9}
+    results = read_results(build_results(tmp_path, plan, points, settings | more))
     inputs = np.log(points[["mu_s", "G_p"]].to_numpy())
     away = np.linalg.norm((inputs - inputs[3]) / inputs.std(axis=0), axis=1)
     nearest = np.argsort(away)[1]

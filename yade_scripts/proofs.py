@@ -14,6 +14,7 @@ SERVO_FROM = 0.01  # strain after which the start of shear is forgotten and the 
 SERVO_WINDOW_LIMIT, SERVO_LIMIT = 0.01, 0.05  # mean of a window; any sample
 ENERGY_LIMIT = 0.10  # energy that the integration itself makes, over the work put in: grows with step and rate
 STEADY_FROM, STEADY_WINDOW = 0.25, 0.10  # strain from which, and over which, the critical state must be steady
+STEADY_E, STEADY_ETA = 0.01, 0.05  # drift of e over that part, and what the drift of eta must be known to
 
 
 def check_shear(p, sample: dict, windows) -> None:
@@ -66,11 +67,15 @@ def steadiness(rows: list[dict]) -> dict[str, float]:
 
 
 def is_steady(rows: list[dict]) -> bool:
-    """True when, past 25 % strain, e drifts by less than 1 % per 10 % of strain, eta by less than that or its noise."""
+    """True when, past 25 % strain, e drifts by less than 1 % per 10 % of strain, eta by less than that or its noise.
+
+    The drift of eta must be known to 5 %: one that cannot be told from scatter proves nothing, and a small run goes on.
+    """
     if rows[-1]["eps_a"] < STEADY_FROM + 0.5 * STEADY_WINDOW:
         return False
     drift = steadiness(rows)
-    return abs(drift["drift_e"]) < 0.01 and abs(drift["drift_eta"]) < max(0.01, 2.0 * drift["drift_eta_se"])
+    known = drift["drift_eta_se"] < STEADY_ETA
+    return abs(drift["drift_e"]) < STEADY_E and known and abs(drift["drift_eta"]) < max(0.01, 2 * drift["drift_eta_se"])
 
 
 def _eta(rows: list[dict]) -> np.ndarray:
