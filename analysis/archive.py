@@ -17,11 +17,11 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from analysis.run_states import RunStates, contacts_at_limit, probe_asymmetry, run_states
+from analysis.run_states import RunStates, run_states
 from analysis.runfile import Run
 
 NAME = "runs.h5"
-FORMAT, VERSION = "dem-archive", 1
+FORMAT, VERSION = "dem-archive", 2
 STAGE_STATES = {"shear": ("initial", "peak", "critical"), "probe": ("probe",)}
 TIMES = ("steps", "cpu_seconds", "wall_seconds", "particle_steps_per_cpu_second")
 SETTINGS = ("inertial_number", "strain_end", "timestep_factor", "stiffness_scale", "damping")
@@ -31,7 +31,7 @@ TEXTS = ("created", "yade_version", "script_digest")
 #: What a run without a product has in place of each number and text.
 NOTHING = (
     dict.fromkeys((*TIMES, *PROOFS, *SETTINGS, *CONSOLIDATED), np.nan)
-    | dict.fromkeys(("probe_asymmetry", "probe_at_limit", "critical_from", "drift_eta", "drift_e"), np.nan)
+    | dict.fromkeys(("probe_asymmetry", "probe_pushed", "probe_off", "critical_from", "drift_eta", "drift_e"), np.nan)
     | dict.fromkeys((*TEXTS, "unsteady"), "")
     | {"N": 0, "resumed": 0, "step_factor": np.nan, "measured_by": ""}
 )
@@ -64,8 +64,8 @@ def contribution(run: Run) -> Contribution:
         facts |= {f"drift_{symbol}": float(value) for symbol, value in states.drift.items()}
     if run.stage == "consolidate":
         facts |= {symbol: float(run.record[symbol][-1]) for symbol in CONSOLIDATED if symbol in run.record}
-    facts["probe_asymmetry"] = probe_asymmetry(run.probe)
-    facts["probe_at_limit"] = contacts_at_limit(run) if run.stage == "probe" else np.nan
+    if run.stage == "probe":
+        facts |= {f"probe_{name}": value for name, value in states.checks.items()}
     return Contribution(NOTHING | facts, states)
 
 

@@ -147,7 +147,7 @@ def _write_product(path, row, record, snapshots, probe=None, exit_reason="strain
             for name, values in content.items():
                 group.create_dataset(name, data=values)
         if probe:
-            file.create_group("probe").attrs.update(strain=1e-5, **{k: v for k, v in probe.items() if np.ndim(v) == 0})
+            file.create_group("probe").attrs.update(strain=1e-9, **{k: v for k, v in probe.items() if np.ndim(v) == 0})
             for name in ("d_sigma", "d_eps"):
                 file["probe"].create_dataset(name, data=probe[name])
 
@@ -184,7 +184,7 @@ def write_run(row, noise=0.0, end=0.4, windows=80, exit_reason="strain_end"):
     path = Path(row.product)
     if row.stage == "probe":
         g_0 = stiffness(row.G_p, row.mu_iso)
-        d_eps = np.diag([-0.5e-5, -0.5e-5, 1e-5])[None]
+        d_eps = np.diag([-0.5e-9, -0.5e-9, 1e-9])[None]
         probe = {"G_0": g_0, "G_0_minus": g_0, "K_0": 1.03 * g_0, "d_sigma": 2 * g_0 * d_eps, "d_eps": d_eps}
         _write_product(path, row, {}, [(0.0, "start", snapshot(SIGMA_3))], probe)
     elif row.stage == "consolidate":

@@ -1,39 +1,63 @@
-"""States of one run: what a probe's two signs decide."""
+"""States of one run: when a probe gives way to the static network."""
 
 import h5py
 import numpy as np
 import packings
 import pytest
 
-from analysis.run_states import contacts_at_limit, probe_asymmetry, run_states
+from analysis.run_states import contacts_pushed, run_states
 from analysis.runfile import read_run, read_snapshot
 from analysis.stiffness import network_moduli
 
 
-def test_contacts_at_the_coulomb_limit_give_way_to_the_static_network_too(tmp_path):
-    """Both signs may be soft alike, so that their agreement proves nothing."""
-    path = packings.write_product(tmp_path / "p.h5", "probe", [packings.lattice("fcc", 2, p=1e5)])
+def probe(folder, G_0, minus, turned, mu_s=0.1, strain=1e-9):
+    """A probe of an fcc lattice whose contacts bear tangential forces of `turned` times the Coulomb limit, if any."""
+    path = packings.write_product(folder / "p.h5", "probe", [packings.lattice("fcc", 2, p=1e5)])
     with h5py.File(path, "r+") as file:
-        file["probe"].attrs["G_0_minus"] = 170e6
-        file["parameters"].attrs["mu_s"] = 0.1
+        file["probe"].attrs.update(G_0=G_0, G_0_minus=minus, strain=strain)
+        file["parameters"].attrs["mu_s"] = mu_s
         snapshot = file["snapshots/00"]
         f_n, n = snapshot["f_n"][()], snapshot["normal"][()]
         across = np.cross(n, np.roll(n, 1, axis=1))
         across /= np.linalg.norm(across, axis=1, keepdims=True)
-        snapshot["f_t"][...] = 0.1 * np.linalg.norm(f_n, axis=1, keepdims=True) * across
-    run = read_run(path)
-    assert contacts_at_limit(run) == 1.0
-    assert run_states(run).states["probe"]["G_0"] == pytest.approx(network_moduli(read_snapshot(run, 0)).G_0, rel=1e-12)
+        snapshot["f_t"][...] = turned * mu_s * np.linalg.norm(f_n, axis=1, keepdims=True) * across
+    return read_run(path)
 
 
-@pytest.mark.parametrize(("minus", "slides"), [(168e6, False), (120e6, True)])
-def test_a_sliding_probe_gives_way_to_the_static_network(tmp_path, minus, slides):
-    path = packings.write_product(tmp_path / "p.h5", "probe", [packings.lattice("fcc", 2, p=1e5)])
-    with h5py.File(path, "r+") as file:
-        file["probe"].attrs["G_0_minus"] = minus
-    run = read_run(path)
-    found = run_states(run).states["probe"]
+def test_a_probe_far_from_the_coulomb_limit_stands_unchecked(tmp_path):
+    run = probe(tmp_path, 170e6, 168e6, turned=0.5)
+    found = run_states(run)
+    assert contacts_pushed(run) == 0.0 and np.isnan(found.checks["off"])
+    assert found.states["probe"]["G_0"] == 170e6
+    assert found.checks["asymmetry"] == pytest.approx(2 * 2e6 / 338e6)
+
+
+@pytest.mark.parametrize(
+    ("minus", "turned", "strain"), [(170e6, 1.0, 1e-9), (120e6, 0.5, 1e-9), (170e6, 0.99, 1e-5)],
+    ids=["at the limit", "signs differ", "so near that the probe gets there"],
+)  # fmt: skip
+def test_a_probe_in_which_contacts_may_slide_gives_way_to_the_static_network(tmp_path, minus, turned, strain):
+    run = probe(tmp_path, 170e6, minus, turned, strain=strain)
     network = network_moduli(read_snapshot(run, 0))
-    expected = (network.G_0, network.K_0) if slides else (170e6, 180e6)
-    assert (found["G_0"], found["K_0"]) == pytest.approx(expected, rel=1e-12)
-    assert probe_asymmetry(run.probe) == pytest.approx(2 * (170e6 - minus) / (170e6 + minus))
+    found = run_states(run)
+    moduli = found.states["probe"]
+    assert (moduli["G_0"], moduli["K_0"]) == pytest.approx((network.G_0, network.K_0), rel=1e-12)
+    assert found.checks["off"] == pytest.approx(170e6 / network.G_0 - 1)
+
+
+def test_a_checked_probe_that_agrees_with_the_network_stands(tmp_path):
+    run = probe(tmp_path, 170e6, 170e6, turned=1.0)
+    exact = network_moduli(read_snapshot(run, 0)).G_0
+    run = probe(tmp_path, 0.995 * exact, 0.995 * exact, turned=1.0)
+    found = run_states(run)
+    assert contacts_pushed(run) == 1.0 and found.checks["off"] == pytest.approx(-0.005)
+    assert found.states["probe"]["G_0"] == pytest.approx(0.995 * exact, rel=1e-12)
+
+
+def test_grains_with_their_own_friction_are_always_checked(tmp_path):
+    run = probe(tmp_path, 170e6, 170e6, turned=0.5)
+    with h5py.File(run.path, "r+") as file:
+        file["parameters"].attrs["heterogeneity"] = "grain"
+    run = read_run(run.path)
+    found = run_states(run)
+    assert np.isnan(found.checks["pushed"]) and np.isfinite(found.checks["off"])
