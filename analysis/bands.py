@@ -37,7 +37,7 @@ class MomentBands:
 def moment_bands(surface, samples, bootstrap, rng, level: float = 0.95, noise=None) -> MomentBands:
     """Bands of mean and standard deviation from a Surrogate, the fitted inputs and their bootstrap.
 
-    samples (n, 2) from the fitted joint distribution; bootstrap (B, n, 2), one sample from each refitted one, B >= 50
+    samples (m, 2) from the fitted joint distribution; bootstrap (B, n, 2), one sample from each refitted one, B >= 50
     (common random numbers reduce scatter); noise (T,): standard deviation of a run from replicates, used in place of
     the regression's.  The standard deviation's band is symmetric in its logarithm.
     """
@@ -48,7 +48,7 @@ def moment_bands(surface, samples, bootstrap, rng, level: float = 0.95, noise=No
     draws = surface.draws(len(bootstrap), rng)
     mean, std = _moments(surface, samples, surface.coefficients)
     both = np.array([_moments(surface, x, c) for x, c in zip(bootstrap, draws, strict=True)])
-    runs = np.array([_moments(surface, samples, c)[0] for c in draws])
+    runs = draws @ surface.basis(samples).mean(axis=0)
     mean_error = both[:, 0].std(axis=0, ddof=1)
     log_error = np.log(np.maximum(both[:, 1], 1e-300)).std(axis=0, ddof=1)
     wide = stats.norm.ppf(0.5 + 0.5 * level)

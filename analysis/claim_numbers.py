@@ -12,7 +12,7 @@ import numpy as np
 from scipy import special, stats
 
 from analysis import paper, pdem, triaxial, weighted
-from analysis.packing_noise import common_error, own_error
+from analysis.packing_noise import common_curves, common_error, own_error
 from analysis.unrun import values_drawn
 
 #: Half-width, in strain, over which mean curves are smoothed.
@@ -27,6 +27,7 @@ class Sample:
 
     shift (D,) is the error that all points of a density share, in units of `packing_noise.common_error`; zeros: none.
     surface: which of the response surfaces that the runs would also allow gives points that were not run; -1: theirs.
+    luck: seed of what else is drawn, errors along strain and of what packings add; -1: nothing is.
     """
 
     results: object
@@ -36,6 +37,7 @@ class Sample:
     shift: np.ndarray
     store: dict
     surface: int = -1
+    luck: int = -1
 
     @property
     def weight(self):
@@ -60,12 +62,18 @@ class Sample:
         read = partial(values_drawn, self.results, state, symbol, n=SURFACES)
         return self._load((state, symbol, "drawn"), read)[:, self.surface][:, self.index]
 
-    def noise(self, state, symbol, mu_iso):
-        """Variance that packings add to single points (`packing_noise.own_error`); 0 where nothing tells it."""
-        key = (state, symbol, mu_iso, "own")
+    def noise(self, state, symbol, k):
+        """Variance that packings add to single points (`packing_noise.own_error`) of density k; 0 if nothing tells it.
+
+        If drawn, times a chi-squared number of the estimate's degrees of freedom over these: few packings hardly tell.
+        """
+        key = (state, symbol, k, "own")
         if key not in self.store:
-            self.store[key] = np.nan_to_num(own_error(self.results, state, symbol, mu_iso, self.family))
-        return self.store[key]
+            self.store[key] = own_error(self.results, state, symbol, self.densities[k], self.family)
+        variance, freedom = self.store[key]
+        if self.luck >= 0 and freedom:
+            variance *= np.random.default_rng([self.luck, k]).chisquare(freedom) / freedom
+        return np.nan_to_num(variance)
 
     def spread(self, state, symbol):
         """Standard deviation (D,) of a quantity at a state over all points, not those drawn."""
@@ -73,9 +81,20 @@ class Sample:
         return weighted.std(values, self._load("weight", self.results.weights))
 
     def curve(self, symbol):
-        """Values (D, T, Q) of a response along strain."""
+        """Values (D, T, Q) along strain, with an error common to all points if drawn; NaN then where none is known."""
         read = self.results.response
-        return self._load(symbol, lambda *where: read(symbol, *where).values)[:, :, self.index]
+        values = self._load(symbol, lambda *where: read(symbol, *where).values)[:, :, self.index]
+        return values if self.luck < 0 else values + self._common(symbol)[:, :, None]
+
+    def _common(self, symbol):
+        """A drawn error (D, T) along strain that all points of a density share; NaN for a density without replicates"""
+        if (symbol, "common") not in self.store:
+            self.store[symbol, "common"] = [common_curves(self.results, symbol, mu_iso, self.family)
+                                            for mu_iso in self.densities]  # fmt: skip
+        unknown = np.full(len(self.results.strain), np.nan)
+        return np.array([unknown if curves is None
+                         else np.random.default_rng([self.luck, k]).normal(size=len(curves)) @ curves
+                         for k, curves in enumerate(self.store[symbol, "common"])])  # fmt: skip
 
     @property
     def smoother(self):
@@ -113,10 +132,10 @@ def full_sample(results, family):
 
 
 def drawn_sample(sample, rng):
-    """The same points drawn with replacement, with a common error for each density."""
+    """The same points drawn with replacement, with errors that all points of a density share."""
     count = len(sample.index)
     index, shift = rng.integers(count, size=count), rng.normal(size=len(sample.densities))
-    return replace(sample, index=index, shift=shift, surface=int(rng.integers(SURFACES)))
+    return replace(sample, index=index, shift=shift, surface=int(rng.integers(SURFACES)), luck=int(rng.integers(2**31)))
 
 
 def _distance(sample, state, symbol, a, b):
@@ -126,11 +145,11 @@ def _distance(sample, state, symbol, a, b):
     return weighted.wasserstein(*values, *weight) / spread if spread > 0 else np.nan
 
 
-def largest_distance(samples, state, symbol):
-    """Largest Wasserstein distance of two densities over the mean standard deviation of the two."""
+def largest_distance(samples, states, symbol):
+    """Largest Wasserstein distance of two densities, at any of the states, over the mean of their two spreads."""
     sample, count = samples["coupled"], len(samples["coupled"].densities)
     pairs = [(a, b) for a in range(count) for b in range(a)]
-    return max(_distance(sample, state, symbol, a, b) for a, b in pairs) if pairs else np.nan
+    return max(_distance(sample, state, symbol, a, b) for state in states for a, b in pairs) if pairs else np.nan
 
 
 def end_distance(samples, state, symbol):
@@ -159,24 +178,26 @@ def effect_of_G_p(samples, alone):
     of the densities, whose slopes scatter by more than they can differ.
     """
     both, sample = samples["coupled"], samples["G_p" if alone else "coupled"]
-    log_G, log_mu = np.log(sample.driver("G_p")), np.log(sample.driver("mu_s"))
-    effects = []
-    for k, eta in enumerate(sample.values("critical", "eta")):
-        known = np.isfinite(eta) & (sample.weight[k] > 0)
-        columns = [np.ones(known.sum()), log_G[known]] + ([] if alone else [log_mu[known], log_mu[known] ** 2])
-        root = np.sqrt(sample.weight[k][known])
-        slope = np.linalg.lstsq(np.stack(columns, 1) * root[:, None], eta[known] * root, rcond=None)[0][1]
-        effects.append(slope * weighted.std(log_G, sample.weight[k]))
+    effects = [slope * spread for slope, spread in _slopes_on_G_p(sample, sample.values("critical", "eta"), alone)]
     spread = max(weighted.std(both.values("critical", "eta"), both.weight))
     return np.mean(effects) / spread if spread > 0 else np.nan
 
 
-def stiffness_follows_G_p(samples):
-    """Least correlation of ln G_0 with ln G_p over the densities."""
+def _slopes_on_G_p(sample, values, alone):
+    """Per density: slope of values (D, Q) on ln G_p, unless alone beside ln mu_s (quadratic), and ln G_p's spread."""
+    log_G, log_mu = np.log(sample.driver("G_p")), np.log(sample.driver("mu_s"))
+    for found, weight in zip(values, sample.weight, strict=True):
+        known = np.isfinite(found) & (weight > 0)
+        columns = [np.ones(known.sum()), log_G[known]] + ([] if alone else [log_mu[known], log_mu[known] ** 2])
+        root = np.sqrt(weight[known])
+        slope = np.linalg.lstsq(np.stack(columns, 1) * root[:, None], found[known] * root, rcond=None)[0][1]
+        yield slope, weighted.std(log_G, weight)
+
+
+def stiffness_exponent(samples):
+    """Least exponent of G_0 in G_p over the densities: slope of ln G_0 on ln G_p beside ln mu_s (quadratic)."""
     sample = samples["coupled"]
-    log_G = np.log(sample.driver("G_p"))
-    stiffness = np.log(sample.values("probe", "G_0"))
-    return min(weighted.correlation(y, log_G, w) for y, w in zip(stiffness, sample.weight, strict=True))
+    return min(slope for slope, _ in _slopes_on_G_p(sample, np.log(sample.values("probe", "G_0")), alone=False))
 
 
 def stiffness_gain(samples):
@@ -205,6 +226,8 @@ def steady_strain(samples, symbol, tolerance):
     starts = []
     for values, weight in zip(sample.curve(symbol), sample.weight, strict=True):
         mean = sample.smoother @ weighted.mean(values, weight)
+        if not np.isfinite(mean).all():
+            return np.nan
         final = mean[last].mean()
         off = np.flatnonzero((np.abs(mean / final - 1) > tolerance) & (strain <= strain[-1] - SMOOTHER))
         starts.append(strain[min(off[-1] + 1, len(strain) - 1)] if len(off) else strain[0])
@@ -232,8 +255,8 @@ def grading_cov(samples):
     for state in ("peak", "critical"):
         for symbol in ("I_G_active", "I_G_stress"):
             values, weight = sample.values(state, symbol), sample.weight
-            for k, mu_iso in enumerate(sample.densities):
-                noise = sample.noise(state, symbol, mu_iso) / weighted.mean(values[k], weight[k]) ** 2
+            for k in range(len(sample.densities)):
+                noise = sample.noise(state, symbol, k) / weighted.mean(values[k], weight[k]) ** 2
                 found.append(np.sqrt(max(weighted.cov(values[k], weight[k]) ** 2 - noise, 0.0)))
     return max(found)
 
@@ -241,7 +264,7 @@ def grading_cov(samples):
 def grading_noise_is_known(samples):
     """Whether replicates tell what packings add to I_G_active and I_G_stress at all states and densities."""
     sample = samples["coupled"]
-    return all(np.isfinite(own_error(sample.results, state, symbol, mu_iso, sample.family))
+    return all(own_error(sample.results, state, symbol, mu_iso, sample.family)[1] > 0
                for state in ("peak", "critical") for symbol in ("I_G_active", "I_G_stress")
                for mu_iso in sample.densities)  # fmt: skip
 

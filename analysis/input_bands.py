@@ -80,6 +80,6 @@ def input_bands(results) -> pd.DataFrame:
                 weight = np.where(np.isfinite(values), results.weights(mu_iso), 0.0)
                 centre = [float(m) for m in pdem.moments(values, weight / weight.sum())]
                 bands = [(float(low), float(high)) for low, high in moment_bands(values, probabilities)]
-                rows.append((mu_iso, state, symbol, centre[0], *bands[0], centre[1], *bands[1]))
+                rows.append((mu_iso, state, QUANTITIES[symbol].heading, centre[0], *bands[0], centre[1], *bands[1]))
     names = [f"{name}{end}" for name in ("mean", "sd") for end in ("", ", from", ", to")]
     return pd.DataFrame(rows, columns=["mu_iso", "state", "quantity", *names])

@@ -23,18 +23,39 @@ def packing_scatter(results, state, symbol, mu_iso, family="coupled") -> float:
     return float(np.sqrt(np.mean(np.nanvar(sets[:, several], axis=0, ddof=1))))
 
 
-def own_error(results, state, symbol, mu_iso, family="coupled") -> float:
+def own_error(results, state, symbol, mu_iso, family="coupled") -> tuple[float, int]:
     """What packings add to single points beyond the offset that all points share: mean variance of the averages.
 
     From the points that several packings serve (interaction of point and packing), divided by each point's number of
-    packings and averaged with the points' weights; NaN without replicates.
+    packings and averaged with the points' weights; and the degrees of freedom of this estimate.  NaN and 0 without
+    replicates.
     """
     results = read_results(results)
     sets, weight = results.state_replicates(state, symbol, mu_iso, family), results.weights(mu_iso, family)
-    if sets is None:
-        return float("nan")
+    variance = np.nan if sets is None else packings.variances(sets)[1]
+    if not np.isfinite(variance):
+        return float("nan"), 0
     served = np.maximum(np.isfinite(sets).sum(axis=0), 1)
-    return float(packings.variances(sets)[1] * np.sum(weight / served) / np.sum(weight))
+    freedom = np.prod(np.array(packings.compared(sets).shape) - 1)
+    return float(variance * np.sum(weight / served) / np.sum(weight)), int(freedom)
+
+
+def common_curves(results, symbol, mu_iso, family="coupled") -> np.ndarray | None:
+    """Curves (R, T) that, times R independent standard normals and added up, draw the error that all points may share.
+
+    What each packing's mean curve over the shared points differs by from that of all R, so that a draw wiggles along
+    strain as packings do.  Its variance is that of the mean of R packings and one standard error of it on top; that the
+    single runs' scatter is in it more than makes up for packings that serve some points only.  None without replicates.
+    """
+    sets = read_results(results).response(symbol, mu_iso, family).replicates
+    if sets is None:
+        return None
+    both = packings.compared(sets)
+    count = len(both)
+    if count < 2 or both.shape[-1] == 0:
+        return None
+    level = both.mean(axis=-1)
+    return (level - level.mean(axis=0)) * np.sqrt((1 + np.sqrt(2 / (count - 1))) / (count * (count - 1)))
 
 
 def common_error(results, state, symbol, family="coupled") -> tuple[np.ndarray, float]:

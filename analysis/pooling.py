@@ -24,6 +24,8 @@ from analysis.stopping import LEAST
 POOLED = (("peak", "eta"), ("critical", "eta"), ("critical", "e"), ("critical", "Z"), ("critical", "Phi_dev"),
           ("peak", "D_p"), ("probe", "G_0"))  # fmt: skip
 QUANTILES = (0.05, 0.5, 0.95)
+#: log2 of the samples behind the means and standard deviations that bands lie around.
+CENTRE_POWER = 12
 #: Responses compared along strain, and the strain from which on: before, all points start from one state.
 ALONG, ALONG_FROM = ("eta", "e", "e_m", "Z", "Z_m", "Phi_dev"), 0.01
 
@@ -64,7 +66,8 @@ def monte_carlo_check(results, power=17) -> pd.DataFrame:
         scattered = drawn + factor * surface.noise[0] * np.random.default_rng(1).normal(size=len(drawn))
         pairs += [(weighted.quantile(values, weight, q), np.quantile(scattered, q)) for q in QUANTILES]
         off = [(a - b) / noisy if k != 1 else a / noisy - 1 for k, (a, b) in enumerate(pairs)]
-        rows.append((mu_iso, state, symbol, *(float(v) for pair in pairs for v in pair), noisy, *map(float, off)))
+        numbers = (*(float(v) for pair in pairs for v in pair), noisy, *map(float, off))
+        rows.append((mu_iso, state, QUANTITIES[symbol].heading, *numbers))
     names = ("mean", "sd", *(f"{q:.0%}" for q in QUANTILES))
     columns = [column for name in names for column in (name, f"{name}, Monte Carlo")]
     columns += ["sd, Monte Carlo with noise", *(f"difference of {name}" for name in names)]
@@ -101,7 +104,7 @@ def monte_carlo_along(results, power=14) -> pd.DataFrame:
             off["PDF"] = wasserstein(density, drawn) / spread
             largest = {name: float(np.nanmax(np.abs(values))) for name, values in off.items()}
             average = {"PDF, average": float(np.nanmean(off["PDF"]))}
-            rows.append({"mu_iso": mu_iso, "quantity": symbol} | largest | average)
+            rows.append({"mu_iso": mu_iso, "quantity": QUANTITIES[symbol].heading} | largest | average)
     return pd.DataFrame(rows, columns=names)
 
 
@@ -112,6 +115,7 @@ def moment_bands(results, n_boot=200, power=9, seed=1) -> pd.DataFrame:
     resamplings of the pairs, and the error that all points of a density share (`packing_noise.common_error`) is added
     to the mean's where it is known.  "from runs" is the share of the mean's squared error that more or larger runs
     could take away, the rest is that of the pairs; "packings" whether packing noise is in it.  In shown units.
+    Bands come from 2^power samples a refitted input, their centre from 2^12: a steep surface needs as many.
     """
     results = read_results(results)
     columns = ["mu_iso", "state", "quantity", "mean", "mean, from", "mean, to", "sd", "sd, from", "sd, to", "from runs",
@@ -124,15 +128,15 @@ def moment_bands(results, n_boot=200, power=9, seed=1) -> pd.DataFrame:
     others = bootstrap_joints(results.pairs, n_boot, rng, fitted)
     drawn = np.stack([joint.inverse_rosenblatt(uniforms) for joint in others])
     densities, rows = results.family_densities(), []
-    for mu_iso, state, symbol, surface, samples, _ in _surfaces(results, power):
+    for mu_iso, state, symbol, surface, samples, _ in _surfaces(results, CENTRE_POWER):
         found, factor = bands.moment_bands(surface, samples, drawn, rng), QUANTITIES[symbol].shown_factor
         shared = common_error(results, state, symbol)[0][densities.index(mu_iso)]
         error = float(np.hypot(found.mean_error[0], np.nan_to_num(shared)))
         of_pairs = found.mean_error[0] ** 2 * (1 - found.noise_part[0])
         mean, half = factor * found.mean[0], factor * stats.norm.ppf(0.975) * error
         spread = [float(factor * part[0]) for part in (found.std, found.std_low, found.std_high)]
-        rows.append((mu_iso, state, symbol, mean, mean - half, mean + half, *spread, 1 - of_pairs / error**2,
-                     "in" if np.isfinite(shared) else "not known"))  # fmt: skip
+        share, known = 1 - of_pairs / error**2, "in" if np.isfinite(shared) else "not known"
+        rows.append((mu_iso, state, QUANTITIES[symbol].heading, mean, mean - half, mean + half, *spread, share, known))
     return pd.DataFrame(rows, columns=columns)
 
 

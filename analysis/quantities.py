@@ -30,9 +30,18 @@ class Quantity:
     @property
     def label(self) -> str:
         """Axis label with the displayed unit, e.g. 'Particle shear modulus $G_p$ (GPa)'."""
-        unit = self.shown_unit or self.unit
         sign = f" ${self.tex}$" if self.tex else ""
-        return f"{self.name}{sign}" + (f" ({unit})" if unit not in ("", "1") else "")
+        return f"{self.name}{sign}{self._unit}"
+
+    @property
+    def heading(self) -> str:
+        """Symbol with the displayed unit, for tables, e.g. 'G_p (GPa)'."""
+        return self.symbol + self._unit
+
+    @property
+    def _unit(self):
+        unit = self.shown_unit or self.unit
+        return f" ({unit})" if unit not in ("", "1") else ""
 
 
 def _table(*rows: Quantity) -> dict[str, Quantity]:

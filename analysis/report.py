@@ -32,27 +32,28 @@ def write_report(results, folder) -> Path:
 
 
 def sections(results, figures, name) -> list[tuple[str, str]]:
-    """The page's sections in order, as (heading, HTML)."""
+    """The page's sections in order, as (heading, HTML); what the campaign has nothing for is left out."""
     claims = tables.claims_table(results)
-    return [
+    found = [
         ("", _head(results, claims, name)),
         ("The paper's claims, each with a number", _claims(claims)),
-        ("Inputs: measured pairs", _inputs(results, figures)),
+        ("Inputs: pairs of grain properties", _inputs(results, figures)),
         ("Representative points and grading", _points(results, figures)),
         ("Runs", _runs(results)),
         ("Initial states", _initial(results)),
-        ("Stress ratio", _pictures(figures, "fig05", "fig06", "fig07") + _peak_critical(results)),
+        ("Stress ratio", _pictures(results, figures, "fig05", "fig06", "fig07") + _peak_critical(results)),
         ("Void ratios, coordination, fabric", _behaviour(results, figures)),
-        ("Stiffness and dilatancy", _pictures(figures, "fig13")),
-        ("Joint densities", _pictures(figures, "fig14", "fig15")),
+        ("Stiffness and dilatancy", _pictures(results, figures, "fig13")),
+        ("Joint densities", _pictures(results, figures, "fig14", "fig15")),
         ("Where the scatter comes from", report_trust.sources(results)),
-        ("What the measured pairs leave open", open_inputs(results)),
+        ("What the number of pairs leaves open", open_inputs(results)),
         ("Friction angles for design", report_trust.design(results)),
         ("How many runs would have been enough", report_trust.replay(results)),
         ("The same at other sizes and rates, and with other grains", report_trust.other_runs(results)),
         ("How far every number can be trusted", report_trust.noise_and_proofs(results)),
         ("Where this comes from", _provenance(results)),
     ]
+    return [(heading, content) for heading, content in found if content]
 
 
 def _head(results, claims, name):
@@ -68,15 +69,15 @@ def _head(results, claims, name):
         (f"{hours:.3g}", "core-hours"),
         (
             " / ".join(str(counts.get(outcome, 0)) for outcome in (HELD, NOT_HELD, OPEN)),
-            "claims held / not held / open",
+            "claims held / not held / can't be told",
         ),
     ]
     words = [
         f"How the scatter of two grain properties, interparticle friction and particle shear modulus, shows up in the "
         f"behaviour of a granular soil: {len(results.points)} representative points of their joint distribution, "
-        f"sheared by the discrete element method at {len(results.densities)} densities, and the probability "
-        f"densities that follow.{_filled_words(results)} Statements of {paper.REFERENCE} stand beside the numbers of "
-        "this campaign."
+        f"sheared by the discrete element method at {len(results.densities)} densities{_frictions(results)}, and the "
+        f"probability densities that follow.{_filled_words(results)} Statements of {paper.REFERENCE} stand beside the "
+        "numbers of this campaign."
     ]
     words += report_text.size_warning(results)
     short = "".join(map(webpage.paragraph, report_text.in_short(results, claims)))
@@ -89,13 +90,19 @@ def _filled_words(results):
     return f" Of the points {filled} were not run: their values follow from the others by regression." if filled else ""
 
 
+def _frictions(results):
+    """The densities by the friction during consolidation that makes them."""
+    frictions = ", ".join(f"{mu_iso:g}" for mu_iso in results.family_densities())
+    return f", set by the friction during consolidation (mu_iso = {frictions}, the lowest gives the densest)"
+
+
 def _inputs(results, figures):
     one = "Table 1. Marginal distributions, smallest AIC first"
     two = "Table 2. Copulas: pseudo-AIC on ranks, Cramér–von Mises distance S and its p-values"
     of_marginals = ("property", "family", "parameters", "aic", "bic", "ks", "ks_critical", "ks_critical_fitted",
                     "ad", "ad_critical_fitted")  # fmt: skip
     of_copulas = ("family", "parameters", "aic", "bic", "tau", "S", "p_paper", "p_bootstrap", "accepted")
-    parts = [webpage.paragraph(report_text.source(results)), _pictures(figures, "fig02")]
+    parts = [webpage.paragraph(report_text.source(results)), _pictures(results, figures, "fig02")]
     parts += _fits(tables.marginals(results), of_marginals, one, report_text.marginals_against_paper, results)
     parts += _fits(tables.copulas(results), of_copulas, two, report_text.copulas_against_paper, results)
     return "".join(parts)
@@ -118,11 +125,13 @@ def _points(results, figures):
     )
     text = f"{len(results.points)} points with {ranges}" + (f" ({facts})." if facts else ".")
     text += " The paper's 100 points span 0.15–0.65 and 16–61 GPa; its own lognormals reach lower."
-    return webpage.paragraph(text) + _pictures(figures, "fig03", "fig04")
+    return webpage.paragraph(text) + _pictures(results, figures, "fig03", "fig04")
 
 
 def _runs(results):
-    counts = webpage.table(trust.run_counts(results), "Runs by stage", stack=True)
+    counts = trust.run_counts(results)
+    never = [name for name in ("failed", "spared", "steady early") if not counts[name].any()]
+    counts = webpage.table(counts.drop(columns=never), "Runs by stage", stack=True)
     notes = [report_text.accuracy(results), *report_text.run_notes(results)]
     return counts + "".join(map(webpage.paragraph, notes))
 
@@ -134,7 +143,7 @@ def _initial(results):
         "The state after consolidation, as the paper's Table 3 has it; where one consolidation serves all points, its "
         "COV is the scatter between packings, the paper's that of its 100 points. Beside it the average over the "
         "points before shear, each at rest again with its own friction and modulus: where friction is below that of "
-        "consolidation, loose packings collapse a little." + (
+        f"consolidation, a packing collapses, its void ratio by up to {_collapse(results):.1%}." + (
         f" The largest difference to the paper's Table 3 is {worst['difference (%)']:+.1f} % "
         f"({_sign(worst['quantity'])} at mu_iso = {worst['mu_iso']:g})."
         if worst is not None
@@ -152,6 +161,13 @@ def _initial(results):
     return webpage.paragraph(text) + webpage.table(
         shown, "Table 3. Initial soil state: means, COV in brackets", digits=2
     )
+
+
+def _collapse(results):
+    """Largest share of its void ratio that a point's packing loses between consolidation and shear."""
+    means = {mu_iso: results.consolidated("e", mu_iso) for mu_iso in results.family_densities()}
+    return max((1 - np.nanmin(results.state("initial", "e", mu_iso)) / (found @ share)
+                for mu_iso, (found, share) in means.items() if len(found)), default=0.0)  # fmt: skip
 
 
 def _peak_critical(results):
@@ -183,11 +199,11 @@ def _behaviour(results, figures):
     )
     columns = ["quantity", "state", "mu_iso", "mean", "COV"]
     shown = webpage.table(frame.sort_values(["quantity", "state", "mu_iso"])[columns], caption, digits=4)
-    return _pictures(figures, "fig08", "fig09", "fig10", "fig11", "fig12") + shown
+    return _pictures(results, figures, "fig08", "fig09", "fig10", "fig11", "fig12") + shown
 
 
 def open_inputs(results) -> str:
-    """HTML on what the measured pairs leave open: moments with bands, or a sentence that there are none."""
+    """HTML on what the number of pairs leaves open: moments with bands, or a sentence that there are none."""
     frame = tables.input_bands(results)
     if not len(frame):
         return webpage.paragraph("The inputs were not refitted to resampled pairs, so there are no bands from them.")
@@ -206,7 +222,7 @@ def _claims(claims):
     intro = (
         "Each claim became a number with a 95 % interval from resampling the points, with the packing's noise as "
         "a shift common to all points of a density. It is held if the whole interval meets the criterion, not held if "
-        "none of it does, and open otherwise; the criteria are this project's reading of the paper's words."
+        "none of it does, and else can't be told; the criteria are this project's reading of the paper's words."
     )
     told = [f"{webpage.number(v)} ({webpage.number(a)} … {webpage.number(b)}), wanted {limit}" for v, a, b, limit in
             zip(claims["value"], claims["from"], claims["to"], claims["criterion"], strict=True)]  # fmt: skip
@@ -225,9 +241,9 @@ def _provenance(results):
     return webpage.paragraph("; ".join(facts) + ".") + f"<h3>Settings</h3><pre>{webpage.escape(attrs['config'])}</pre>"
 
 
-def _pictures(figures, *starts):
+def _pictures(results, figures, *starts):
     return "".join(
-        webpage.figure(path, report_text.CAPTIONS[name[:5]])
+        webpage.figure(path, report_text.caption(results, name[:5]))
         for start in starts
         for name, path in figures.items()
         if name.startswith(start)

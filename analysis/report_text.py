@@ -23,23 +23,36 @@ CAPTIONS = {
     "carried by the points against the exact ones.",
     "fig04": "Figure 4. Grading of the assembly that all runs share.",
     "fig05": "Figure 5. Stress ratio: probability densities along axial strain; means with two standard deviations "
-    "to either side; densities at the peak and at the critical state. Ticks under an axis are the points. The "
-    "paper's dense peaks range from 0.6 to 1.2, its loose ones from 0.5 to 0.9, its critical states from 0.5 to 0.8.",
+    "to either side; densities at the peak of every run and at the critical state, shaded as Figure 8. Ticks under an "
+    "axis are the points. The paper's dense peaks range from 0.6 to 1.2, its loose ones from 0.5 to 0.9, its critical "
+    "states from 0.5 to 0.8.",
     "fig06": "Figure 6. Probability density surfaces of the stress ratio, the densest also in plan. Surfaces start "
     "where the densities of neighbouring strains overlap; what rises above the scale is cut off level.",
     "fig07": "Figure 7. Peak (triangles) and critical state (circles, at the right) of every point, in stress ratio "
-    "and void ratio; marks grow with the point's probability.",
-    "fig08": "Figure 8. Void ratio. The paper: densities differ at the peak and converge at the critical state.",
+    "and void ratio. A peak is that of one run; where a curve has hardly any, in loose samples, it is the largest "
+    "fluctuation along a plateau and may lie at any strain.",
+    "fig08": "Figure 8. Void ratio. The paper: densities differ at the peak and converge at the critical state. "
+    "Shaded, here and wherever a state's density is shown: the 95 % band from resampling the pairs alone; packing "
+    "noise is not in it. What rises above a surface's scale is cut off level.",
     "fig09": "Figure 9. Mechanical void ratio, inactive grains counted as void.",
-    "fig10": "Figure 10. Coordination number. The paper: between 3.3 and 5.5, the same for all densities.",
+    "fig10": "Figure 10. Coordination number. The paper: between 3.3 and 5.5 at the peak and the critical state, the "
+    "same for all densities.",
     "fig11": "Figure 11. Mechanical coordination number.",
     "fig12": "Figure 12. Fabric anisotropy, major minus minor principal value of the fabric tensor.",
     "fig13": "Figure 13. (a, b) Small-strain stiffness and (c, d) dilatancy at the peak: densities, and every point "
-    "against the property that drives it.",
+    "against the property that drives it. Loose points below the others in (b) have a friction below that of "
+    "consolidation, so their packing collapsed before the probe.",
     "fig14": "Figure 14. Joint densities of the critical stress ratio with void ratio and mechanical void ratio. "
     "Product kernels widen what is shown; the correlation given is that of the points.",
     "fig15": "Figure 15. Joint densities of the critical stress ratio with the two coordination numbers.",
 }
+
+
+
+def caption(results, name) -> str:
+    """The caption of a figure; where pairs are shown, with the file that they come from."""
+    of_pairs = f" Pairs: {results.inputs.get('source') or 'unnamed'}." if name in ("fig02", "fig03") else ""
+    return CAPTIONS[name] + of_pairs
 
 
 SOURCES = (
@@ -74,8 +87,9 @@ def open_inputs(results) -> str:
 
 BANDS = (
     "How sure means and standard deviations are: 95 % bands from the runs' noise, with the error that the points of a "
-    "density share by their packing where that is known, and from the number of measured pairs, to which the inputs "
-    "are refitted."
+    "density share by their packing where that is known, and from the number of pairs, to which the inputs are "
+    "refitted. Both are those of the response surface, without the scatter of single runs, which widens the spreads of "
+    "the other tables."
 )
 
 
@@ -105,8 +119,8 @@ def packing(results) -> str:
                                                         for m in results.family_densities()) if sets is not None]
     count, several = np.min(sizes, axis=0)
     taken_off = (
-        "What the first packing is off by over these is taken off all points, along the strain and in every state, as "
-        "far as it is more than the scatter of single runs. "
+        "What the first packing is off by over these is taken off all points, along the strain and in every state, by "
+        "the share of it that is the packing's and not the scatter of single runs. "
         if several >= packings.FEWEST else ""
     )  # fmt: skip
     return text + (
@@ -145,9 +159,8 @@ def size_warning(results) -> list[str]:
     scatter = 100 * 0.03 * np.sqrt(1000 / smallest)
     return [
         f"These numbers are rough. The paper used {paper.PARTICLES:,} spheres and {paper.POINTS} points; here it is "
-        f"{particles(results)} spheres and {len(results.points)} points. In trials one run of 1,000 spheres "
-        f"scattered by about 3 % in the stress ratio, which at {smallest:,} makes some {scatter:.0f} %; the "
-        "sections on claims and on trust say what that leaves."
+        f"{particles(results)} spheres and {len(results.points)} points. One run of {smallest:,} spheres scatters by "
+        f"some {scatter:.0f} % in the stress ratio; the sections on claims and on trust say what that leaves."
     ]
 
 
@@ -159,14 +172,14 @@ def in_short(results, claims) -> list[str]:
         numbers = []
         for mu_iso in densities:
             values, weight = results.state(state, "eta", mu_iso), results.weights(mu_iso)
-            numbers.append(f"{weighted.mean(values, weight):.2f} ± {weighted.std(values, weight):.2f}")
+            numbers.append(f"{weighted.mean(values, weight):.3f} ± {weighted.std(values, weight):.3f}")
         parts.append(
             f"Stress ratio at the {state} state, mean ± standard deviation from the densest to the loosest: "
             f"{', '.join(numbers)} (the paper: {stated})."
         )
     held = int((claims["verdict"] == HELD).sum())
     parts.append(f"{held} of {len(claims)} claims are held.")
-    for outcome, words in ((NOT_HELD, "not held"), (OPEN, "that can't be told at this size")):
+    for outcome, words in ((NOT_HELD, "not held"), (OPEN, "that can't be told")):
         named = claims.loc[claims["verdict"] == outcome, "claim"]
         if len(named):
             parts.append(
@@ -232,7 +245,7 @@ def run_notes(results) -> list[str]:
     runs = results.runs
     failed = runs[runs["status"] == "failed"]
     early = int(((runs["stage"] == "shear") & (runs["reason"] == "steady")).sum())
-    notes = [f"{len(failed)} of {len(runs)} runs failed."]
+    notes = [f"{len(failed)} of {len(runs)} runs failed."] if len(failed) else []
     notes += [f"{row.run_id}: {row.reason}" for row in failed.head(10).itertuples()]
     if len(failed) > 10:
         notes.append(f"... and {len(failed) - 10} more, all in tables/runs.csv.")

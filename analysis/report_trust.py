@@ -5,6 +5,7 @@ from __future__ import annotations
 import pandas as pd
 
 from analysis import report_text, tables, trust, webpage
+from analysis.quantities import QUANTITIES
 from analysis.stopping import LEAST
 
 
@@ -12,8 +13,10 @@ def sources(results):
     frame = tables.variance_sources(results)
     if not len(frame):
         return webpage.paragraph(f"Too few runs for a response surface: at least {LEAST} points a density.")
+    parts = ("only mu_s", "only G_p", "shared", "noise")
+    shares = frame.drop(columns="leave-one-out error").assign(**{k: [f"{v:.2f}" for v in frame[k]] for k in parts})
     check = tables.monte_carlo_check(results)
-    check = check[check["quantity"].isin(["eta", "e", "Z", "G_0"])]
+    check = check[check["quantity"].isin([QUANTITIES[symbol].heading for symbol in ("eta", "e", "Z", "G_0")])]
     names = ("mean", "sd", "5%", "50%", "95%")
     columns = {name: [f"{webpage.number(a)} ({100 * off:+.1f})" for a, off in
                       zip(check[name], check[f"difference of {name}"], strict=True)] for name in names}  # fmt: skip
@@ -23,7 +26,7 @@ def sources(results):
     return (
         webpage.paragraph(report_text.SOURCES)
         + webpage.table(
-            frame.drop(columns="leave-one-out error").round(2).sort_values(["quantity", "state", "mu_iso"]),
+            shares.sort_values(["quantity", "state", "mu_iso"]),
             "Shares of the variance over the points",
             digits=2,
         )
@@ -64,7 +67,7 @@ def design(results):
         ]
     text = (
         "Friction angles in degrees in triaxial compression, sin φ = 3η/(6+η), with 95 % bands from resampling the "
-        "points, from the packing's noise and from the finite set of measured pairs. Every run gives all its grains "
+        "points, from the packing's noise and from the finite set of pairs. Every run gives all its grains "
         "one pair of properties, so the spread is that of the population's mean properties, not the scatter within one "
         "deposit."
     )
@@ -91,11 +94,11 @@ def noise_and_proofs(results):
             "Width of the shown densities: kernel against the spread of the points, at the last strain",
         )
     )
-    parts.append(
-        webpage.table(
-            trust.losses(results), "Failed and continued shear runs, and the probability they held", stack=True
+    losses = trust.losses(results)
+    if losses[["failed", "extended", "lost probability"]].any(axis=None):
+        parts.append(
+            webpage.table(losses, "Failed and continued shear runs, and the probability they held", stack=True)
         )
-    )
     return "".join(parts)
 
 
@@ -113,13 +116,13 @@ def _bands(results):
 
 
 def other_runs(results) -> str:
-    """Benchmarks that lie beside results.h5 as fidelity.csv and beyond.csv: other sizes and rates, other grains."""
+    """Benchmarks beside results.h5, fidelity.csv and beyond.csv: other sizes and rates, other grains; "" without."""
     parts = []
     for name, show in (("fidelity", _fidelity), ("beyond", _beyond)):
         path = results.path.parent / f"{name}.csv"
         if path.exists():
             parts += [webpage.paragraph(report_text.BESIDE[name]), *show(pd.read_csv(path))]
-    return "".join(parts) or webpage.paragraph("None: neither fidelity.csv nor beyond.csv lies beside this results.h5.")
+    return "".join(parts)
 
 
 def _fidelity(frame):

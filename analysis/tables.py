@@ -94,7 +94,7 @@ def responses_moments(results) -> pd.DataFrame:
             for symbol in results.symbols(mu_iso, family):
                 response = results.response(symbol, mu_iso, family)
                 factor = response.quantity.shown_factor
-                columns = {"family": family, "mu_iso": mu_iso, "quantity": _shown_name(symbol),
+                columns = {"family": family, "mu_iso": mu_iso, "quantity": QUANTITIES[symbol].heading,
                            "eps_a (%)": 100 * results.strain, "mean": factor * response.mean,
                            "standard deviation": factor * response.std}  # fmt: skip
                 columns |= {f"{q:.0%} quantile": factor * response.quantile(q) for q in LEVELS}
@@ -141,7 +141,7 @@ def _state_row(results, family, mu_iso, state, symbol, weight):
     scatter = np.nan if error is None else weighted.mean(error**2, weight) ** 0.5 * QUANTITIES[symbol].shown_factor
     known = np.isfinite(values)
     low, high = (values[known].min(), values[known].max()) if known.any() else (np.nan, np.nan)
-    row = {"family": family, "mu_iso": mu_iso, "state": state, "quantity": _shown_name(symbol),
+    row = {"family": family, "mu_iso": mu_iso, "state": state, "quantity": QUANTITIES[symbol].heading,
            "points": int(known.sum()), "mean": float(weighted.mean(values, weight)),
            "standard deviation": float(weighted.std(values, weight)),
            "COV": float(weighted.cov(values, weight)), "least": low, "largest": high}  # fmt: skip
@@ -150,12 +150,6 @@ def _state_row(results, family, mu_iso, state, symbol, weight):
         paper.STATE_RANGE.get((state, symbol, mu_iso), (np.nan, np.nan)) if family == "coupled" else (np.nan, np.nan)
     )
     return row | {"standard error of one run": float(scatter), "paper from": stated[0], "paper to": stated[1]}
-
-
-def _shown_name(symbol):
-    quantity = QUANTITIES[symbol]
-    unit = quantity.shown_unit or quantity.unit
-    return symbol if unit in ("", "1") else f"{symbol} ({unit})"
 
 
 #: File name without ending -> function of the open results that returns the frame.

@@ -10,12 +10,13 @@ from analysis.packing_noise import common_error, packing_scatter
 from analysis.quantities import QUANTITIES
 from analysis.results import read_results
 
+#: Name -> words and the limit beyond which a run fails (those of yade_scripts/proofs.py); NaN: a figure without one.
 PROOFS = {
-    "max_inertial_number": "largest inertial number",
-    "servo_mean_error": "mean error of the confining stress",
-    "servo_max_error": "largest error of the confining stress",
-    "energy_error": "energy balance error",
-    "F_unb": "unbalanced force",
+    "max_inertial_number": ("largest inertial number", 2.5e-3),
+    "servo_mean_error": ("mean error of the confining stress", 0.01),
+    "servo_max_error": ("largest error of the confining stress", 0.05),
+    "energy_error": ("energy balance error", 0.10),
+    "F_unb": ("unbalanced force", float("nan")),
 }
 
 
@@ -35,11 +36,11 @@ def run_counts(results) -> pd.DataFrame:
 
 
 def proofs(results) -> pd.DataFrame:
-    """Median and largest value of every proof over the shear runs that have it."""
+    """Median and largest value of every proof over the shear runs that have it, and the limit it must keep."""
     runs = read_results(results).runs
     shear = runs[(runs["stage"] == "shear") & (runs["status"] == "done")]
     rows = []
-    for name, words in PROOFS.items():
+    for name, (words, limit) in PROOFS.items():
         values = shear[name].abs().dropna()
         if len(values):
             rows.append(
@@ -47,10 +48,11 @@ def proofs(results) -> pd.DataFrame:
                     "proof": words,
                     "median": values.median(),
                     "largest": values.max(),
+                    "limit": limit,
                     "run of the largest": shear.loc[values.idxmax(), "run_id"],
                 }
             )
-    return pd.DataFrame(rows, columns=["proof", "median", "largest", "run of the largest"])
+    return pd.DataFrame(rows, columns=["proof", "median", "largest", "limit", "run of the largest"])
 
 
 def noise(results, symbols=("eta", "e", "Z", "Phi_dev")) -> pd.DataFrame:
@@ -76,7 +78,7 @@ def noise(results, symbols=("eta", "e", "Z", "Phi_dev")) -> pd.DataFrame:
                     "quantity": symbol,
                     "spread of points": factor * spread,
                     "error of one run": factor * own,
-                    "share of variance": (own / spread) ** 2 if spread else np.nan,
+                    "its share of variance": (own / spread) ** 2 if spread else np.nan,
                     "between packings": factor * packing_scatter(results, "critical", symbol, mu_iso),
                     "common": factor * common_error(results, "critical", symbol)[0][k],
                 }

@@ -128,7 +128,7 @@ def test_a_row_has_the_rate_of_its_run_and_a_key_of_its_own_settings(ladder, mon
     some = {case["point"]: case for case, _ in bench_fidelity.cases("laptop", values, (1,), [0.04])}
     assert some["p75"]["inertial_number"] == 2.4e-3
     assert some["p96"]["inertial_number"] == pytest.approx(7.2e-4 / 0.48)
-    row = some["p96"] | {"scripts": bench_fidelity.digest()}
+    row = some["p96"] | {"scripts": bench_fidelity.row_digest()}
     append(bench_fidelity.ROWS, bench_fidelity.COLUMNS, row)
     left = bench_fidelity.cases("laptop", values, (1,), [0.04])
     assert {case["point"] for case, _ in left} == {"p04", "p25", "p50", "p75"}

@@ -107,7 +107,7 @@ def test_the_table_has_the_moments_within_their_bands(results):
     known = np.isfinite(values)
     share = probabilities[:, known] / probabilities[:, known].sum(axis=1, keepdims=True)
     ends = np.quantile(1e-6 * share @ values[known], [0.025, 0.975])
-    row = frame.loc[(0.1, "probe", "G_0")]
+    row = frame.loc[(0.1, "probe", "G_0 (MPa)")]
     assert [row["mean, from"], row["mean, to"]] == pytest.approx(ends, rel=1e-9)
     assert len(input_bands.input_bands(synthetic.example())) == 0
 

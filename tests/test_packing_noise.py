@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import synthetic_results as synthetic
@@ -77,7 +79,8 @@ def test_own_error_is_free_of_what_all_points_share(monkeypatch):
         monkeypatch.setattr(Results, "state_replicates", lambda *_, s=sets: s)
         monkeypatch.setattr(Results, "weights", lambda *_: np.full(30, 1 / 30))
         found.append(packing_noise.own_error(read_results(synthetic.example()), "critical", "eta", 0.04))
-    assert np.mean(found) == pytest.approx(0.01 * (10 / 3 + 20) / 30, rel=0.1)
+    found, freedom = np.transpose(found)
+    assert (freedom == 18).all() and np.mean(found) == pytest.approx(0.01 * (10 / 3 + 20) / 30, rel=0.1)
 
 
 def test_table_3_claims_rest_on_the_scatter_of_consolidations(replicated):
@@ -85,3 +88,23 @@ def test_table_3_claims_rest_on_the_scatter_of_consolidations(replicated):
     assert table.loc["e and e_m grow and Z and Z_m fall with mu_iso", "verdict"] == HELD
     assert table.loc["The initial states are those of Table 3", "verdict"] == NOT_HELD
     assert table.loc["Initial states of one density hardly vary (COV at most 0.011)", "verdict"] == OPEN
+
+
+def test_a_drawn_error_along_strain_scatters_as_the_mean_of_the_packings(monkeypatch):
+    """Five packings whose mean curves are independent at two strains: standard deviations 1 and 3 of each."""
+    rng = np.random.default_rng(2)
+    variance = []
+    for _ in range(300):
+        sets = np.array([1.0, 3.0])[:, None] * rng.normal(size=(5, 2, 1)) + np.zeros(6)
+        monkeypatch.setattr(Results, "response", lambda *_, s=sets: SimpleNamespace(replicates=s))
+        curves = packing_noise.common_curves(read_results(synthetic.example()), "eta", 0.04)
+        variance.append(np.sum(curves**2, axis=0))
+    widened = 1 + np.sqrt(2 / 4)  # one standard error of the variance on top
+    assert np.mean(variance, axis=0) == pytest.approx(widened * np.array([1, 9]) / 5, rel=0.15)
+
+
+def test_without_replicates_nothing_tells_the_error_along_strain():
+    results = read_results(synthetic.example())
+    assert packing_noise.common_curves(results, "eta", 0.04) is None
+    sample = drawn_sample(full_sample(results, "coupled"), np.random.default_rng(1))
+    assert np.isnan(sample.curve("eta")).all()

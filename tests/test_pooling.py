@@ -34,7 +34,7 @@ def test_each_response_follows_its_own_property(results):
 
 
 def test_monte_carlo_gives_the_moments_of_the_closed_form(results):
-    row = pooling.monte_carlo_check(results, power=14).set_index(["state", "quantity"]).loc[("probe", "G_0")]
+    row = pooling.monte_carlo_check(results, power=14).set_index(["state", "quantity"]).loc[("probe", "G_0 (MPa)")]
     joint = Joint.from_dict(results.inputs["joint"])
     exact = 1e-6 * synthetic.stiffness(joint.sample(200_000, np.random.default_rng(1))[:, 1], 0.04)
     assert row["mean, Monte Carlo"] == pytest.approx(exact.mean(), rel=0.02)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
+from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 import synthetic_results as synthetic
@@ -75,7 +78,7 @@ def test_the_numbers_are_those_of_the_results(page, results):
     text = " ".join(page[1].text)
     for state in ("peak", "critical"):
         values, weight = results.state(state, "eta", 0.001), results.weights(0.001)
-        assert f"{weighted.mean(values, weight):.2f} ± {weighted.std(values, weight):.2f}" in text
+        assert f"{weighted.mean(values, weight):.3f} ± {weighted.std(values, weight):.3f}" in text
     assert "0.538" in text and "(0.001" in text
     for symbol, fits in results.inputs["marginals"].items():
         for name in ("aic", "bic", "ks", "ad"):
@@ -104,7 +107,7 @@ def test_noise_and_widths_are_told(results):
     noise = trust.noise(results).set_index(["mu_iso", "quantity"])
     row = noise.loc[(0.04, "eta")]
     assert 0.001 < row["error of one run"] < 0.02 < row["spread of points"]
-    assert row["share of variance"] == pytest.approx((row["error of one run"] / row["spread of points"]) ** 2)
+    assert row["its share of variance"] == pytest.approx((row["error of one run"] / row["spread of points"]) ** 2)
     widths = trust.widths(results).set_index(["mu_iso", "quantity"])
     assert 0 < widths.loc[(0.04, "eta"), "width shown"] < widths.loc[(0.04, "eta"), "spread of points"]
 
@@ -140,6 +143,19 @@ def test_the_proofs_name_their_worst_run(results):
     proofs = trust.proofs(results).set_index("proof")
     assert proofs.loc["largest inertial number", "largest"] == pytest.approx(1.1e-3)
     assert proofs.loc["largest inertial number", "run of the largest"].startswith("shear_")
+
+
+def test_the_limits_shown_are_those_of_the_scripts():
+    tree = ast.parse((Path(__file__).resolve().parents[1] / "yade_scripts" / "proofs.py").read_text())
+    limits = {}
+    for node in tree.body:
+        if isinstance(node, ast.Assign):
+            names, values = node.targets[0], ast.literal_eval(node.value)
+            pairs = zip(names.elts, values, strict=True) if isinstance(names, ast.Tuple) else [(names, values)]
+            limits |= {name.id: value for name, value in pairs}
+    shown = {name: limit for name, (_, limit) in trust.PROOFS.items() if np.isfinite(limit)}
+    assert shown == {"max_inertial_number": limits["I_LIMIT"], "servo_mean_error": limits["SERVO_WINDOW_LIMIT"],
+                     "servo_max_error": limits["SERVO_LIMIT"], "energy_error": limits["ENERGY_LIMIT"]}  # fmt: skip
 
 
 @pytest.mark.parametrize("value, text", [(0.0, "0"), (float("nan"), "–"), (1234.5, "1234"), (0.012345, "0.0123"),

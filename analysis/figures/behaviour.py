@@ -22,10 +22,12 @@ def behaviour(results, symbol):
     panels.panel_title(right, "c", "critical state")
     panels.share_range(left, right)
     chosen = [densities[0], densities[-1]][: len(densities)]
-    for k, mu_iso in enumerate(chosen):
+    responses = [results.response(symbol, mu_iso) for mu_iso in chosen]
+    top = max(panels.top_density(response) for response in responses)
+    for k, (mu_iso, response) in enumerate(zip(chosen, responses, strict=True)):
         axis = rows[2].add_subplot(1, 2, k + 1, projection="3d")
         title = f"({'de'[k]}) {style.density_title(mu_iso, densities)}"
-        panels.surface(axis, results.response(symbol, mu_iso), title=title)
+        panels.surface(axis, response, top, title)
     return figure
 
 

@@ -1,4 +1,4 @@
-"""Figures 2 to 4: measured pairs and their marginals, the joint density with the points, the grading."""
+"""Figures 2 to 4: pairs and their marginals, the joint density with the points, the grading."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ PLACES = (np.s_[0, 3:], np.s_[1, :2], np.s_[1, 2:4], np.s_[1, 4:])
 
 @style.styled
 def data_marginals(results):
-    """Figure 2: the measured pairs, and a histogram with the fitted densities for each of the two properties."""
+    """Figure 2: the pairs, and a histogram with the fitted densities for each of the two properties."""
     figure = style.new_figure(7.6, 2.9)
     scatter, *others = figure.subplots(1, 3)
     mu_s, G_p = results.pairs.T
     scatter.plot(mu_s, style.shown("G_p", G_p), "o", ms=3.5, color="0.25", mfc="none", mew=0.8)
     scatter.set(xlabel=style.label("mu_s"), ylabel=style.label("G_p"), xlim=(0, None), ylim=(0, None))
-    panels.panel_title(scatter, "a", f"{len(mu_s)} pairs")
+    panels.panel_title(scatter, "a", f"{len(mu_s)} {_kind(results)}pairs")
     for axis, symbol, letter, values in zip(others, PAIR, "bc", (mu_s, G_p), strict=True):
         factor = panels.density_factor(symbol)
         edges = np.linspace(0, 1.02 * values.max(), 16)
@@ -47,8 +47,9 @@ def joint_points(results):
     joint = Joint.from_dict(results.inputs["joint"])
     points = results.points
     figure = style.new_figure(7.6, 6.4)
-    reach = [(0.4 * min(points[s].min(), column.min()), 1.1 * max(points[s].max(), column.max()))
-             for s, column in zip(PAIR, results.pairs.T, strict=True)]  # fmt: skip
+    doubled = select_points(joint, 2 * len(points))
+    reach = [(0.4 * min(points[s].min(), pairs.min()), 1.05 * max(points[s].max(), pairs.max(), more.max()))
+             for s, pairs, more in zip(PAIR, results.pairs.T, doubled.x.T, strict=True)]  # fmt: skip
     x, y = np.meshgrid(*(np.linspace(*ends, 120) for ends in reach), indexing="ij")
     factor = panels.density_factor("G_p")
     height = joint.pdf(np.column_stack([x.ravel(), y.ravel()])).reshape(x.shape) / factor
@@ -61,8 +62,7 @@ def joint_points(results):
     filled = flat.contourf(x, y * factor, height, levels=levels, cmap=panels.CONTOUR_MAP, extend="max")
     panels.colour_bar(figure, filled, flat, "Joint probability density (1/GPa)")
     flat.plot(results.pairs[:, 0], style.shown("G_p", results.pairs[:, 1]), "o", ms=2.5, mfc="white", mec="k", mew=0.5)
-    panels.panel_title(flat, "b", "with the measured pairs")
-    doubled = select_points(joint, 2 * len(points))
+    panels.panel_title(flat, "b", f"with the {_kind(results)}pairs")
     sets = ((dots, "c", points[list(PAIR)].to_numpy(), points["probability"].to_numpy()),
             (twice, "d", doubled.x, doubled.probability))  # fmt: skip
     for axis, letter, place, probability in sets:
@@ -76,6 +76,11 @@ def joint_points(results):
     _distribution_steps(steps, joint, points)
     panels.panel_title(steps, "e", f"what the {len(points)} points carry")
     return figure
+
+
+def _kind(results):
+    """A word for pairs that were not measured, as their file's name has it."""
+    return "reconstructed " if "reconstructed" in results.inputs.get("source", "") else ""
 
 
 def _distribution_steps(axis, joint, points):

@@ -26,9 +26,9 @@ def joint_figure(results, symbols, state="critical"):
         seen = np.flatnonzero((joint.p > 0.01 * joint.p.max()).any(axis=1))
         line = np.linspace(joint.values1.min(), joint.values1.max(), 100)
         flat.plot(line, joint.conditional_mean(line) * factor, color="k", lw=1.2)
-        flat.set(xlabel=style.label("eta"), ylabel=style.label(symbol), xlim=joint.x1[seen[[0, -1]]])
+        flat.set(xlabel=style.label("eta"), ylabel=style.label(symbol), xlim=_reach(joint.x1[seen], eta))
         also = np.flatnonzero((joint.p > 0.01 * joint.p.max()).any(axis=0))
-        flat.set_ylim(joint.x2[also[0]] * factor, joint.x2[also[-1]] * factor)
+        flat.set_ylim(*_reach(joint.x2[also] * factor, other * factor))
         panels.panel_title(flat, "ac"[row], f"{state} state, correlation of the points {joint.correlation:+.2f}")
         panels.colour_bar(figure, filled, flat, "Joint probability density")
         solid = figure.add_subplot(2, 2, 2 * row + 2, projection="3d")
@@ -38,6 +38,12 @@ def joint_figure(results, symbols, state="critical"):
         panels.draw_surface(solid, x, y, joint.p[keep] / factor, labels, f"({'bd'[row]})")
     figure.suptitle(f"All {len(densities)} densities together; line: conditional mean", fontsize=9)
     return figure
+
+
+def _reach(seen, values):
+    """Least and largest of the visible density and, with a margin, of the points."""
+    margin = 0.03 * np.ptp(seen)
+    return min(seen[0], np.nanmin(values) - margin), max(seen[-1], np.nanmax(values) + margin)
 
 
 def pooled(results, state, symbols, family="coupled"):

@@ -182,8 +182,7 @@ def panel_title(axis, letter, title=""):
 
 
 def share_range(*axes):
-    """Give axes the widest of their ranges in x and y, so that shapes can be compared."""
-    x, y = [axis.get_xlim() for axis in axes], [axis.get_ylim() for axis in axes]
+    """Give axes the widest of their ranges in x, so that places and widths can be compared."""
+    x = [axis.get_xlim() for axis in axes]
     for axis in axes:
         axis.set_xlim(min(a for a, _ in x), max(b for _, b in x))
-        axis.set_ylim(0, max(b for _, b in y))

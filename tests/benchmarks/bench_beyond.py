@@ -23,7 +23,7 @@ import numpy as np
 import pandas as pd
 from bench_rows import append, finished
 from chain_rows import MEASURED, NAMES, RESPONSES, Chain, cpu_seconds, row
-from dem_runs import BUILD, D50, ROOT, SIGMA_LN, digest
+from dem_runs import BUILD, D50, ROOT, SIGMA_LN, row_digest
 
 from analysis import inputs, joint
 from analysis.assembly import diameters, make_assembly, write_assembly
@@ -98,9 +98,9 @@ def compared(rows: pd.DataFrame) -> pd.DataFrame:
         for (symbol, state), response in zip(RESPONSES, NAMES, strict=True):
             mine, its = (part[response].mean().loc[both] for part in (own, other))
             draws = own[response].std().loc[both] / mine
-            factor, unit = QUANTITIES[symbol].shown_factor, QUANTITIES[symbol].shown_unit
+            factor = QUANTITIES[symbol].shown_factor
             out.append({"case": name, "against": against, "state": state,
-                        "response": symbol + (f" ({unit})" if unit else ""),
+                        "response": QUANTITIES[symbol].heading,
                         "runs": runs, "mean": factor * mine.mean(), "mean of the other": factor * its.mean(),
                         "difference (%)": 100 * (mine / its - 1).mean(),
                         "scatter between draws (%)": 100 * draws.mean(),
@@ -116,7 +116,7 @@ def _case(name, point, packing, draw, assembly, swapped=None, finer=1.0):
 
 
 def _key(case):
-    return (digest(), case["case"], case["point"], str(case["packing"]), str(case["draw"]))
+    return (row_digest(), case["case"], case["point"], str(case["packing"]), str(case["draw"]))
 
 
 def _assembly(distribution, shape, seed) -> Path:

@@ -19,7 +19,7 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 
 from bench_rows import append, finished
-from dem_runs import ROOT, RunFailed, chain, digest
+from dem_runs import ROOT, RunFailed, chain, row_digest
 
 from analysis.run_states import run_states
 
@@ -108,7 +108,7 @@ def fill(case: tuple, settings: list[str]) -> None:
     packing, mu_iso, point = case
     done = finished(ROWS, ("scripts", "setting", "packing", "mu_iso", "point"))
     for setting in settings:
-        if (digest(), setting, str(packing), f"{mu_iso:g}", point) not in done:
+        if (row_digest(), setting, str(packing), f"{mu_iso:g}", point) not in done:
             add_row(setting, packing, mu_iso, point)
 
 
@@ -118,7 +118,7 @@ def add_row(setting: str, packing: int, mu_iso: float, point: str) -> None:
     mu_s, G_p = POINTS[point]
     row = {
         "setting": setting,
-        "scripts": digest(),
+        "scripts": row_digest(),
         "packing": packing,
         "mu_iso": mu_iso,
         "point": point,

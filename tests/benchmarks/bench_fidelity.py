@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 from bench_rows import append, finished
 from chain_rows import MEASURED, NAMES, Chain, cpu_seconds, row
-from dem_runs import ROOT, assembly, digest
+from dem_runs import ROOT, assembly, row_digest
 from scipy import stats
 
 from campaign.config import Config, read_config
@@ -103,7 +103,7 @@ def cases(name: str, values: dict, packings: tuple[int, ...], densities: list[fl
     for packing in packings:
         for mu_iso in densities:
             for point, (mu_s, G_p) in POINTS.items():
-                if (digest(), name, hashed(values), str(packing), f"{mu_iso:g}", point) not in done:
+                if (row_digest(), name, hashed(values), str(packing), f"{mu_iso:g}", point) not in done:
                     start = assembly(values["N"], packing)
                     rate = values["rate"] * effective_rate(values["inertial_number"], mu_s)
                     case = {"rung": name, "settings": hashed(values), "N": values["N"], "inertial_number": rate,

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import resource
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from dem_runs import RunFailed, digest, run
+from dem_runs import RunFailed, row_digest, run
 
 from analysis.run_states import run_states
-from analysis.runfile import read_run
+from analysis.runfile import RunFileError, read_run
+from analysis.stiffness import StiffnessError
 from campaign.plan import PARTICLE_STEPS_PER_CPU_SECOND, SECONDS_PER_START, predicted_steps
 
 G_REF, SIGMA_3 = 25.7e9, 100e3
@@ -42,24 +42,23 @@ class Chain:
 
     def stages(self) -> dict:
         """Stage -> the values that its script is given, the product that it starts from left out."""
-        step = {"timestep_factor": self.shear["timestep_factor"]}
         own = {"mu_s": self.mu_s, "G_p": self.G_p, **self.swapped}
         first = {"assembly": self.assembly, "mu_iso": self.mu_iso, "G_p": G_REF, "seed": self.seed}
-        return {"consolidate": first | step, "probe": own | step, "shear": own | {"snapshots": ""} | self.shear}
+        return {"consolidate": first, "probe": own, "shear": own | {"snapshots": ""} | self.shear}
 
 
 def row(chain: Chain) -> dict:
     """Run what is missing of a chain; its responses in SI units, or the failure in words."""
-    stages, found = chain.stages(), {"scripts": digest(), "failure": ""}
-    limit = _limit_cpu(int(max(LEAST_LIMIT, CPU_LIMIT * cpu_seconds([chain]))))
+    stages, found = chain.stages(), {"scripts": row_digest(), "failure": ""}
+    limit = int(max(LEAST_LIMIT, CPU_LIMIT * cpu_seconds([chain])))
     try:
-        start = run("consolidate", **stages["consolidate"])
-        start = run("probe", start=start, **stages["probe"])
-        probe, shear = read_run(start), read_run(run("shear", start=start, **stages["shear"]))
-    except RunFailed as error:
-        return found | {"failure": f"{error} (limit {limit} CPU-s a stage)"}
-    sheared = run_states(shear)
-    states = sheared.states | run_states(probe).states
+        start = run("consolidate", cpu_limit=limit, **stages["consolidate"])
+        start = run("probe", cpu_limit=limit, start=start, **stages["probe"])
+        probe, shear = read_run(start), read_run(run("shear", cpu_limit=limit, start=start, **stages["shear"]))
+        sheared = run_states(shear)
+        states = sheared.states | run_states(probe).states
+    except (RunFailed, RunFileError, StiffnessError) as error:
+        return found | {"failure": str(error)}
     found |= {f"{symbol}_{state}": float(states[state][symbol]) for symbol, state in RESPONSES}
     found |= {name: float(shear.proofs[name]) for name in ("energy_error", "servo_mean_error")}
     found |= {"eta_error": float(sheared.errors["critical"]["eta"]), "steps": int(shear.timing["steps"])}
@@ -71,17 +70,9 @@ def cpu_seconds(chains: list[Chain]) -> float:
     runs = {}
     for chain in chains:
         for stage, values in chain.stages().items():
-            asked = {"sigma_3": SIGMA_3, "stiffness_scale": 1.0, "density_scaling": 1} | values
+            asked = {"sigma_3": SIGMA_3, "stiffness_scale": 1.0, "density_scaling": 1, "timestep_factor": 1.0} | values
             steps = predicted_steps(stage, asked) * chain.finer
             kept = sorted((k, str(v)) for k, v in values.items())
             start = () if stage == "consolidate" else (chain.assembly, chain.mu_iso)
             runs[stage, start, *kept] = SECONDS_PER_START + steps * chain.N / PARTICLE_STEPS_PER_CPU_SECOND
     return sum(runs.values())
-
-
-def _limit_cpu(seconds: int) -> int:
-    """Limit the CPU time of each process that is started from here, within what this one may ask for; the limit."""
-    most = resource.getrlimit(resource.RLIMIT_CPU)[1]
-    seconds = seconds if most == resource.RLIM_INFINITY else min(seconds, most)
-    resource.setrlimit(resource.RLIMIT_CPU, (seconds, most))
-    return seconds

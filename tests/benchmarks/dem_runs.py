@@ -10,6 +10,9 @@ import ast
 import hashlib
 import json
 import os
+import re
+import resource
+import signal
 import subprocess
 import sys
 import threading
@@ -21,27 +24,44 @@ sys.path.insert(0, str(ROOT))
 
 from analysis.assembly import make_assembly, write_assembly  # noqa: E402
 from analysis.runfile import Run, read_run  # noqa: E402
-from campaign.row import closed_doors  # noqa: E402
+from campaign.row import MACHINE, closed_doors, die_with_parent  # noqa: E402
 
 BUILD = Path(os.environ.get("BENCH_FOLDER", ROOT / "build" / "bench"))
 D50, SIGMA_LN = 0.248e-3, 0.174
+#: The analysis that makes a row of a run, beside the scripts that make the run.
+MEASURING = ("run_states", "triaxial", "stiffness", "micromechanics", "rearrangement")
+#: A stated reason that tells of a bug, not of physics.
+BUG = re.compile(r"\w*(Error|Exception|Interrupt)\b")
 _busy: dict[str, threading.Lock] = defaultdict(threading.Lock)  # one a file, so that threads share its run
 
 
 class RunFailed(RuntimeError):
-    """A run that stated its failure; the text is its reason."""
+    """A run that stated its failure, or used more CPU time than it may; the text is its reason."""
+
+
+class RunCrashed(RuntimeError):
+    """A run that ended by a bug, a signal or the machine's fault: no result, and no row of a benchmark."""
 
 
 def digest() -> str:
     """Which scripts make the runs: the first figures of a sha256 over their code, comments and docstrings left out."""
+    return _sha256(sorted((ROOT / "yade_scripts").glob("*.py")))[:10]
+
+
+def row_digest() -> str:
+    """Which code makes a row of runs: that of the scripts and, after a dash, of the analysis that measures them."""
+    return f"{digest()}-{_sha256(ROOT / 'analysis' / f'{name}.py' for name in MEASURING)[:4]}"
+
+
+def _sha256(paths) -> str:
     sha = hashlib.sha256()
-    for path in sorted((ROOT / "yade_scripts").glob("*.py")):
+    for path in paths:
         tree = ast.parse(path.read_text())
         for node in ast.walk(tree):
             if isinstance(node, (ast.Module, ast.FunctionDef, ast.ClassDef)) and ast.get_docstring(node) is not None:
                 node.body = node.body[1:]
         sha.update(ast.dump(tree).encode())
-    return sha.hexdigest()[:10]
+    return sha.hexdigest()
 
 
 def assembly(N: int, seed: int, sigma_ln: float = SIGMA_LN, distribution: str = "lognormal") -> Path:
@@ -55,20 +75,23 @@ def assembly(N: int, seed: int, sigma_ln: float = SIGMA_LN, distribution: str = 
     return path
 
 
-def run(stage: str, yade: str = "yade", **values) -> Path:
-    """The product of a stage with these parameters (SI), run when missing.  Raises RunFailed with the stated reason."""
+def run(stage: str, yade: str = "yade", cpu_limit: int = 7200, **values) -> Path:
+    """The product of a stage with these parameters (SI), run when missing, for at most cpu_limit seconds of CPU time.
+
+    Raises RunFailed with the stated reason, which is kept as the product is, and RunCrashed, which is not.
+    """
     identity = json.dumps([stage, digest(), {k: str(v) for k, v in values.items()}, yade], sort_keys=True)
     name = f"{stage}_{hashlib.sha256(identity.encode()).hexdigest()[:12]}"
     product, failure = BUILD / f"{name}.h5", BUILD / f"{name}.failed.json"
     with _busy[name]:
-        _run_if_missing(stage, yade, name, values)
+        _run_if_missing(stage, yade, name, values, cpu_limit)
     if not product.exists():
         raise RunFailed(json.loads(failure.read_text())["reason"])
     return product
 
 
-def _run_if_missing(stage: str, yade: str, name: str, values: dict) -> None:
-    """One YADE process for the row, unless its product or its stated failure is there."""
+def _run_if_missing(stage: str, yade: str, name: str, values: dict, cpu_limit: int) -> None:
+    """One YADE process for the row, unless its product or its stated failure is there; it dies with this process."""
     product, failure = BUILD / f"{name}.h5", BUILD / f"{name}.failed.json"
     if not product.exists() and not failure.exists():
         BUILD.mkdir(parents=True, exist_ok=True)
@@ -78,13 +101,25 @@ def _run_if_missing(stage: str, yade: str, name: str, values: dict) -> None:
         table = BUILD / f"{name}.table"
         table.write_text("  ".join(row) + "\n" + "  ".join(row.values()) + "\n")
         log = BUILD / f"{name}.log"
+
+        def limited():
+            die_with_parent()
+            resource.setrlimit(resource.RLIMIT_CPU, (cpu_limit, cpu_limit + 10))
+
         with open(log, "w") as out:
-            subprocess.run(
+            ended = subprocess.run(
                 [yade, "-n", "-x", "-j1", str(ROOT / "yade_scripts" / f"{stage}.py")], stdin=subprocess.DEVNULL,
                 env=closed_doors() | {"YADE_BATCH": f"{table}:2"}, stdout=out, stderr=subprocess.STDOUT, check=False,
+                preexec_fn=limited,
             )  # fmt: skip
-        if not product.exists() and not failure.exists():
-            raise RunFailed(f"{name}: YADE ended without a word, see {log.name}")
+        if product.exists():
+            return
+        if ended.returncode == -signal.SIGXCPU:
+            failure.write_text(json.dumps({"reason": f"stopped: CPU time, limit {cpu_limit} s"}))
+        reason = json.loads(failure.read_text())["reason"] if failure.exists() else f"signal or exit {ended.returncode}"
+        if not failure.exists() or BUG.match(reason) or re.search(MACHINE, reason):
+            failure.unlink(missing_ok=True)
+            raise RunCrashed(f"{name}: {reason}, see {log}")
 
 
 def chain(
