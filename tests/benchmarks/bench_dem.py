@@ -1,12 +1,13 @@
 """Run time against error of the DEM protocol: one setting at a time, over common packings, points and densities.
 
     python3 tests/benchmarks/bench_dem.py            all runs that are missing (hours; resumable)
-    python3 tests/benchmarks/bench_dem.py --short    one case, three settings (minutes)
+    python3 tests/benchmarks/bench_dem.py --short    one case, three settings (minutes); the tables stay as they are
     python3 tests/benchmarks/bench_dem.py --full     every density with every point and packing (a day)
     python3 tests/benchmarks/bench_dem.py --table    only the tables and the figure from the rows there are
 
 Five packings, three points, three densities in fifteen cases: each point meets each density, each packing each point.
-All settings of a case start from the same packing at rest, those of another N from their own.
+All settings of a case start from the same packing at rest, those of another N from their own.  `rate` is a share of the
+rate that a campaign would shear the point at.
 Rows go to data/benchmarks/dem_runs.csv as they finish; data/benchmarks/dem_errors.csv holds bias and scatter of every
 response of every setting against the reference, and data/benchmarks/dem_errors.png shows error against cost.
 """
@@ -22,14 +23,18 @@ from bench_rows import append, finished
 from dem_runs import ROOT, RunFailed, chain, row_digest
 
 from analysis.run_states import run_states
+from analysis.runfile import RunFileError
+from analysis.stiffness import StiffnessError
+from campaign.plan import effective_rate
 
 ROWS = ROOT / "data" / "benchmarks" / "dem_runs.csv"
 POINTS = {"low": (0.09, 45.0e9), "middle": (0.214, 25.7e9), "high": (0.50, 14.0e9)}
 MU_ISO = (0.001, 0.04, 0.1)
 PACKINGS = (1, 2, 3, 4, 5)
+INERTIAL_NUMBER = 2.4e-3
 BASE = {
     "N": 1000,
-    "inertial_number": 2.4e-3,
+    "rate": 1.0,
     "timestep_factor": 1.0,
     "damping": 0.0,
     "stiffness_scale": 1.0,
@@ -39,16 +44,16 @@ BASE = {
 #: a time to the first; the most wanted first.
 SETTINGS = {
     "base": {},
-    "reference": {"density_scaling": 0, "timestep_factor": 0.8, "inertial_number": 1e-3},
+    "reference": {"density_scaling": 0, "timestep_factor": 0.8, "rate": 0.4},
     "N = 500": {"N": 500},
     "no density scaling": {"density_scaling": 0},
     "half the step": {"timestep_factor": 0.5},
-    "I = 1.2e-3": {"inertial_number": 1.2e-3},
+    "rate / 2": {"rate": 1 / 2},
     "stiffness 0.3": {"stiffness_scale": 0.3},
     "damping 0.1": {"damping": 0.1},
     "stiffness 0.1": {"stiffness_scale": 0.1},
     "N = 2000": {"N": 2000},
-    "I = 5e-4": {"inertial_number": 5e-4},
+    "rate / 5": {"rate": 1 / 5},
 }
 RESPONSES = {
     "peak": ("eta", "eps_peak", "D_p"),
@@ -62,6 +67,7 @@ COLUMNS = (
     "mu_iso",
     "point",
     "N",
+    "inertial_number",
     "steps",
     "particle_steps",
     "cpu_seconds",
@@ -91,7 +97,7 @@ def main() -> None:
                 list(pool.map(lambda case: fill(case, some), cases(args)))  # noqa: B023  the pool ends with its turn
     from dem_errors import summarise
 
-    summarise(ROWS)
+    summarise(ROWS, row_digest(), write=not args.short)
 
 
 def cases(args) -> list[tuple]:
@@ -116,6 +122,7 @@ def add_row(setting: str, packing: int, mu_iso: float, point: str) -> None:
     """Run one case and append its row, failed or not."""
     values = BASE | SETTINGS[setting]
     mu_s, G_p = POINTS[point]
+    values["inertial_number"] = values.pop("rate") * effective_rate(INERTIAL_NUMBER, mu_s)
     row = {
         "setting": setting,
         "scripts": row_digest(),
@@ -123,6 +130,7 @@ def add_row(setting: str, packing: int, mu_iso: float, point: str) -> None:
         "mu_iso": mu_iso,
         "point": point,
         "N": values["N"],
+        "inertial_number": values["inertial_number"],
         "failure": "",
     }
     try:
@@ -134,7 +142,7 @@ def add_row(setting: str, packing: int, mu_iso: float, point: str) -> None:
         row |= {k: float(shear.proofs[k]) for k in ("energy_error", "servo_mean_error", "servo_max_error")}
         row["G_0"] = run_states(probe).states["probe"]["G_0"]
         row |= {f"{s}_{state}": float(states[state][s]) for state, names in RESPONSES.items() for s in names}
-    except RunFailed as error:
+    except (RunFailed, RunFileError, StiffnessError) as error:
         row["failure"] = str(error)
     append(ROWS, COLUMNS, row)
 

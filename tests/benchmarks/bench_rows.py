@@ -15,12 +15,29 @@ def finished(path: Path, keys: tuple[str, ...]) -> set[tuple[str, ...]]:
 
 
 def append(path: Path, columns: tuple[str, ...], row: dict) -> None:
-    """Append one row under a heading that is written once, and print it."""
+    """Append one row under a heading that is written once, and print it; a file of other columns gets these first."""
     path.parent.mkdir(parents=True, exist_ok=True)
     new = not path.exists()
+    if not new:
+        _bring_to(path, columns)
     with open(path, "a", newline="") as file:
         writer = csv.DictWriter(file, columns, restval="", lineterminator="\n")
         if new:
             writer.writeheader()
         writer.writerow({key: f"{value:.6g}" if isinstance(value, float) else value for key, value in row.items()})
     print(", ".join(f"{key} {value}" for key, value in row.items() if value != ""), flush=True)
+
+
+def _bring_to(path, columns):
+    """Give a file these columns: what its rows have of them is kept."""
+    with open(path, newline="") as file:
+        reader = csv.DictReader(file)
+        if reader.fieldnames == list(columns):
+            return
+        rows = list(reader)
+    part = path.with_suffix(".part")
+    with open(part, "w", newline="") as file:
+        writer = csv.DictWriter(file, columns, restval="", extrasaction="ignore", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    part.replace(path)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import matplotlib
@@ -13,7 +14,7 @@ import matplotlib.pyplot as plt
 from scipy.stats import t
 
 REFERENCE, BASE, CASE = "reference", "base", ["packing", "mu_iso", "point"]
-#: Responses as in spec section 2; their error is shown relative to the reference's mean over the compared cases.
+#: Their error is shown relative to the reference's mean over the compared cases.
 RESPONSES = (
     "eta_peak",
     "eps_peak_peak",
@@ -29,13 +30,16 @@ RESPONSES = (
 MAIN = ("eta_peak", "eta_critical", "e_critical", "Z_critical")
 
 
-def summarise(path: Path) -> pd.DataFrame:
-    """Write dem_errors.csv and dem_errors.png beside the rows; returns the table of errors."""
+def summarise(path: Path, scripts: str, write: bool = True) -> pd.DataFrame:
+    """Print the table of errors of the rows of these scripts; `write` puts it and its figure beside the rows."""
     rows = pd.read_csv(path, keep_default_na=True)
-    rows = rows[rows.scripts == rows.scripts.iloc[-1]]
+    rows = rows[rows.scripts == scripts]
+    if not len(rows):
+        sys.exit(f"{path}: no row of these scripts ({scripts})")
     table = pd.concat([errors(rows, REFERENCE), errors(rows, BASE)])
-    table.to_csv(path.with_name("dem_errors.csv"), index=False, float_format="%.5g")
-    draw(table[table.against == REFERENCE], path.with_name("dem_errors.png"))
+    if write:
+        table.to_csv(path.with_name("dem_errors.csv"), index=False, float_format="%.5g")
+        draw(table[table.against == REFERENCE], path.with_name("dem_errors.png"))
     print(table.to_string(index=False, float_format=lambda v: f"{v:.4g}"))
     return table
 

@@ -1,0 +1,65 @@
+"""The stability map's cells and verdicts, and the rows of resumable benchmarks, from numbers that are known."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+sys.path.insert(0, str(Path(__file__).resolve().parent / "benchmarks"))
+
+import bench_stability
+from bench_rows import append, finished
+
+
+def rows(count=60, seed=1):
+    """Cells that scatter about their references as packings of 64, 200 and 500 grains do, none of them wrong."""
+    rng, out = np.random.default_rng(seed), []
+    for k in range(count):
+        N = (64, 200, 500)[k % 3]
+        width = 0.012 * (200 / N) ** 0.5
+        mine = {"e_0": 0.6, "Z_0": 5.0, "eta": 0.7, "e": 0.6, "Z": 4.5}
+        cell = {f"{name}_reference": value * (1 + 1e-9 * k) for name, value in mine.items()}
+        cell |= {f"{name}_scatter": width for name in ("e_0", "Z_0")} | mine
+        cell |= {name: mine[name] * (1 + width * rng.normal()) for name in ("e_0", "Z_0", "eta")}
+        out.append({"axis": "size", "N": N, "outcome": np.nan, "reason": np.nan} | cell)
+    return pd.DataFrame(out)
+
+
+def test_there_are_150_cells_and_no_two_come_to_the_same_run():
+    cells = list(bench_stability.cells())
+    texts = {str(sorted((bench_stability.BASE | bench_stability.DEFAULT_SERVO | changes).items()))
+             for *_, changes in cells}  # fmt: skip
+    assert len(cells) == len(texts) >= 150
+
+
+def test_what_packings_scatter_by_is_not_called_wrong():
+    outcome = pd.concat([bench_stability.judged(rows(seed=seed)) for seed in range(20)]).outcome
+    assert set(outcome) <= {"right", "wrong"} and (outcome == "wrong").mean() < 0.02
+
+
+def test_a_wrong_number_is_named():
+    frame = rows()
+    for name, factor in (("e_0", 1.05), ("eta", 1.08), ("e", 1.01), ("Z", 0.9)):
+        frame.loc[1, name] = factor * frame.loc[1, f"{name}_reference"]  # row 1 is a cell of 200 grains
+    frame.loc[4, "Z_0"] = np.nan
+    found = bench_stability.judged(frame)
+    assert found.loc[1, ["outcome", "reason"]].tolist() == ["wrong", "e_0 eta e Z"]
+    assert found.loc[4, ["outcome", "reason"]].tolist() == ["wrong", "Z_0"]
+
+
+def test_refused_and_crashed_cells_stay_as_they_ended():
+    ends = pd.DataFrame([{"N": 200, "outcome": "refused", "reason": "too fast"},
+                         {"N": 200, "outcome": "wrong", "reason": "crashed: signal"}])  # fmt: skip
+    found = bench_stability.judged(pd.concat([rows(), ends], ignore_index=True)).iloc[-2:]
+    assert found.outcome.tolist() == ["refused", "wrong"] and found.reason.tolist() == ["too fast", "crashed: signal"]
+
+
+def test_rows_of_a_file_with_other_columns_are_kept_under_the_new_ones(tmp_path):
+    path = tmp_path / "rows.csv"
+    append(path, ("scripts", "old", "value"), {"scripts": "a", "old": 1, "value": 2.5})
+    append(path, ("scripts", "value", "new"), {"scripts": "b", "value": 3.5, "new": 4})
+    assert path.read_text().splitlines() == ["scripts,value,new", "a,2.5,", "b,3.5,4"]
+    assert finished(path, ("scripts",)) == {("a",), ("b",)}
