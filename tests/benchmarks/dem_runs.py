@@ -108,7 +108,7 @@ def _run_if_missing(stage: str, yade: str, name: str, values: dict, cpu_limit: i
 
         with open(log, "w") as out:
             ended = subprocess.run(
-                [yade, "-n", "-x", "-j1", str(ROOT / "yade_scripts" / f"{stage}.py")], stdin=subprocess.DEVNULL,
+                [yade, "-n", "-x", "-j1", *_scene(stage, yade)], stdin=subprocess.DEVNULL,
                 env=closed_doors() | {"YADE_BATCH": f"{table}:2"}, stdout=out, stderr=subprocess.STDOUT, check=False,
                 preexec_fn=limited,
             )  # fmt: skip
@@ -120,6 +120,13 @@ def _run_if_missing(stage: str, yade: str, name: str, values: dict, cpu_limit: i
         if not failure.exists() or BUG.match(reason) or re.search(MACHINE, reason):
             failure.unlink(missing_ok=True)
             raise RunCrashed(f"{name}: {reason}, see {log}")
+
+
+def _scene(stage: str, yade: str) -> list[str]:
+    """The script of a stage; where YADE's numbers are not doubles, the scene that makes doubles of what it reads."""
+    if yade == "yade":
+        return [str(ROOT / "yade_scripts" / f"{stage}.py")]
+    return [str(ROOT / "tests" / "yade_scenes" / "in_long_double.py"), stage]
 
 
 def chain(
