@@ -40,8 +40,8 @@ CAPTIONS = {
     "fig11": "Figure 11. Mechanical coordination number.",
     "fig12": "Figure 12. Fabric anisotropy, major minus minor principal value of the fabric tensor.",
     "fig13": "Figure 13. (a, b) Small-strain stiffness and (c, d) dilatancy at the peak: densities, and every point "
-    "against the property that drives it. Loose points below the others in (b) have a friction below that of "
-    "consolidation, so their packing collapsed before the probe.",
+    "against the property that drives it. Loose points above the others in (b) have a friction below that of "
+    "consolidation: their packing collapsed before the probe and is the denser for it.",
     "fig14": "Figure 14. Joint densities of the critical stress ratio with void ratio and mechanical void ratio. "
     "Product kernels widen what is shown; the correlation given is that of the points.",
     "fig15": "Figure 15. Joint densities of the critical stress ratio with the two coordination numbers.",
