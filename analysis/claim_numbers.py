@@ -65,14 +65,15 @@ class Sample:
     def noise(self, state, symbol, k):
         """Variance that packings add to single points (`packing_noise.own_error`) of density k; 0 if nothing tells it.
 
-        If drawn, times a chi-squared number of the estimate's degrees of freedom over these: few packings hardly tell.
+        If drawn, what it may as well be: times the estimate's degrees of freedom over a chi-squared number of so many.
         """
         key = (state, symbol, k, "own")
         if key not in self.store:
             self.store[key] = own_error(self.results, state, symbol, self.densities[k], self.family)
         variance, freedom = self.store[key]
         if self.luck >= 0 and freedom:
-            variance *= np.random.default_rng([self.luck, k]).chisquare(freedom) / freedom
+            rng = np.random.default_rng([self.luck, k, *f"{state}/{symbol}".encode()])
+            variance *= freedom / rng.chisquare(freedom)
         return np.nan_to_num(variance)
 
     def spread(self, state, symbol):
@@ -267,6 +268,11 @@ def grading_noise_is_known(samples):
     return all(own_error(sample.results, state, symbol, mu_iso, sample.family)[1] > 0
                for state in ("peak", "critical") for symbol in ("I_G_active", "I_G_stress")
                for mu_iso in sample.densities)  # fmt: skip
+
+
+def never(samples):
+    """Of a number that noise alone can take past any limit, as the last of many values that may leave a range is."""
+    return False
 
 
 def _initial(samples, symbol):

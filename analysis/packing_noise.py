@@ -44,18 +44,24 @@ def common_curves(results, symbol, mu_iso, family="coupled") -> np.ndarray | Non
     """Curves (R, T) that, times R independent standard normals and added up, draw the error that all points may share.
 
     What each packing's mean curve over the shared points differs by from that of all R, so that a draw wiggles along
-    strain as packings do.  Its variance is that of the mean of R packings and one standard error of it on top; that the
-    single runs' scatter is in it more than makes up for packings that serve some points only.  None without replicates.
+    strain as packings do.  Its variance is, of the variance of such differences, the share k / R + a^2 (1 - 1/R) k
+    (1 - k) that `packings.level_variance` leaves with a trust k in the offsets, but at least that of a mean of R, all
+    of it where nothing is levelled, and one standard error on top.  None without replicates.
     """
-    sets = read_results(results).response(symbol, mu_iso, family).replicates
+    results = read_results(results)
+    sets, weight = results.response(symbol, mu_iso, family).replicates, results.weights(mu_iso, family)
     if sets is None:
         return None
-    both = packings.compared(sets)
-    count = len(both)
-    if count < 2 or both.shape[-1] == 0:
+    used, both = packings.shared(sets)
+    count = int(used.sum())
+    if count < 2 or not both.any():
         return None
-    level = both.mean(axis=-1)
-    return (level - level.mean(axis=0)) * np.sqrt((1 + np.sqrt(2 / (count - 1))) / (count * (count - 1)))
+    level, k = packings.compared(sets).mean(axis=-1), packings.trust(sets)
+    alone = weight[~both].sum() / weight.sum()
+    left = np.maximum(1 / count, k / count + alone**2 * (1 - 1 / count) * k * (1 - k))
+    if both.sum() < packings.FEWEST:  # nothing is levelled
+        left = np.ones_like(k)
+    return (level - level.mean(axis=0)) * np.sqrt(left * (1 + np.sqrt(2 / (count - 1))) / (count - 1))
 
 
 def common_error(results, state, symbol, family="coupled") -> tuple[np.ndarray, float]:

@@ -298,19 +298,27 @@ def proof_notes(results) -> list[str]:
 
 
 def pooled_drift(shear) -> list[str]:
-    """The mean drift over the critical part of all runs of a density, which many runs tell better than any one."""
-    told = []
+    """The mean drift over the critical part of a density's runs, which many runs tell better than any one.
+
+    With replicate packings that of the points that all of them serve, its error from the packings.
+    """
+    told, alone = [], False
     for mu_iso, runs in shear[shear["family"] == "coupled"].groupby("mu_iso"):
-        known = runs[["drift_eta", "drift_e"]].dropna()
-        if len(known) > 2:
-            mean, error = 100 * known.mean(), 100 * known.std() / np.sqrt(len(known))
+        known = runs[["packing", "point", "drift_eta", "drift_e"]].dropna()
+        packing, drift = known["packing"], known[["drift_eta", "drift_e"]]
+        served = known.groupby("point")["packing"].transform("nunique") == packing.nunique()
+        if packing.nunique() > 1 and served.any():
+            drift = drift[served].groupby(packing[served]).mean()
+        else:
+            alone = True
+        if len(drift) > 1:
+            mean, error = 100 * drift.mean(), 100 * drift.std() / np.sqrt(len(drift))
             told.append(
                 f"mu_iso = {mu_iso:g}: η {mean.iloc[0]:+.1f} ± {error.iloc[0]:.1f} %, "
                 f"e {mean.iloc[1]:+.2f} ± {error.iloc[1]:.2f} %"
             )
     if not told:
         return []
-    return [
-        "Drift from the beginning to the end of the critical part, mean of a density's runs and its standard error "
-        "(runs of one packing taken as independent): " + "; ".join(told) + "."
-    ]
+    whose = ("a density's runs and its standard error, as if runs of one packing were independent" if alone
+             else "the points that all packings serve and its standard error between packings")  # fmt: skip
+    return [f"Drift from the beginning to the end of the critical part, mean of {whose}: " + "; ".join(told) + "."]

@@ -97,6 +97,7 @@ def test_a_drawn_error_along_strain_scatters_as_the_mean_of_the_packings(monkeyp
     for _ in range(300):
         sets = np.array([1.0, 3.0])[:, None] * rng.normal(size=(5, 2, 1)) + np.zeros(6)
         monkeypatch.setattr(Results, "response", lambda *_, s=sets: SimpleNamespace(replicates=s))
+        monkeypatch.setattr(Results, "weights", lambda *_: np.full(6, 1 / 6))
         curves = packing_noise.common_curves(read_results(synthetic.example()), "eta", 0.04)
         variance.append(np.sum(curves**2, axis=0))
     widened = 1 + np.sqrt(2 / 4)  # one standard error of the variance on top

@@ -21,8 +21,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pandas as pd
-from bench_rows import append, finished
-from chain_rows import MEASURED, NAMES, RESPONSES, Chain, cpu_seconds, row
+from bench_rows import finished
+from chain_rows import MEASURED, NAMES, RESPONSES, Chain, cpu_seconds, fill
 from dem_runs import BUILD, D50, ROOT, SIGMA_LN, row_digest
 
 from analysis import inputs, joint
@@ -54,8 +54,7 @@ def main() -> None:
         minutes = cpu_seconds([chain for _, chain in missing]) / 60
         print(f"{len(missing)} chains missing, {minutes:.1f} CPU-minutes predicted")
         return
-    for case, chain in missing:
-        append(ROWS, COLUMNS, case | row(chain))
+    crashed = fill(ROWS, COLUMNS, missing)
     if not ROWS.exists():
         sys.exit(f"{ROWS} is missing: no case has been run")
     rows = pd.read_csv(ROWS)
@@ -65,6 +64,8 @@ def main() -> None:
     TABLE.parent.mkdir(parents=True, exist_ok=True)
     table.to_csv(TABLE, index=False, float_format="%.4g")
     print(table.to_string(index=False, float_format=lambda v: f"{v:.3g}"))
+    if crashed:
+        sys.exit(f"{crashed} chains crashed and have no row")
 
 
 def cases():

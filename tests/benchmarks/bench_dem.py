@@ -20,7 +20,7 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 
 from bench_rows import append, finished
-from dem_runs import ROOT, RunFailed, chain, row_digest
+from dem_runs import ROOT, RunCrashed, RunFailed, chain, row_digest
 
 from analysis.run_states import run_states
 from analysis.runfile import RunFileError
@@ -144,6 +144,9 @@ def add_row(setting: str, packing: int, mu_iso: float, point: str) -> None:
         row |= {f"{s}_{state}": float(states[state][s]) for state, names in RESPONSES.items() for s in names}
     except (RunFailed, RunFileError, StiffnessError) as error:
         row["failure"] = str(error)
+    except RunCrashed as error:
+        print(f"crashed, no row: {error}", flush=True)
+        return
     append(ROWS, COLUMNS, row)
 
 

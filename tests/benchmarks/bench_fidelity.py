@@ -20,8 +20,8 @@ import sys
 
 import numpy as np
 import pandas as pd
-from bench_rows import append, finished
-from chain_rows import MEASURED, NAMES, Chain, cpu_seconds, row
+from bench_rows import finished
+from chain_rows import MEASURED, NAMES, Chain, cpu_seconds, fill
 from dem_runs import ROOT, assembly, row_digest
 from scipy import stats
 
@@ -58,9 +58,7 @@ def main() -> None:
         count = sum(map(len, missing.values()))
         print(f"{'all':16} {count:3d} chains missing, {total / 60:7.1f} CPU-minutes predicted")
         return
-    for some in missing.values():
-        for case, chain in some:
-            append(ROWS, COLUMNS, case | row(chain))
+    crashed = sum(fill(ROWS, COLUMNS, some) for some in missing.values())
     if not ROWS.exists():
         sys.exit(f"{ROWS} is missing: no rung has been run")
     rows = pd.read_csv(ROWS, dtype={"scripts": str, "settings": str})
@@ -75,6 +73,8 @@ def main() -> None:
     TABLE.parent.mkdir(parents=True, exist_ok=True)
     table.to_csv(TABLE, index=False, float_format="%.4g")
     print(table.to_string(index=False, float_format=lambda v: f"{v:.2f}"))
+    if crashed:
+        sys.exit(f"{crashed} chains crashed and have no row")
 
 
 def rungs(config: Config) -> dict[str, tuple[dict, tuple[int, ...]]]:

@@ -18,7 +18,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pandas as pd
 from bench_stability import BASE, consolidated, initial, sheared
-from dem_runs import ROOT, RunFailed, assembly, chain, run
+from dem_runs import ROOT, RunCrashed, RunFailed, assembly, chain, run
 
 from analysis.run_states import run_states
 from analysis.runfile import read_run
@@ -107,7 +107,7 @@ def _all(one, cases: list, jobs: int) -> pd.DataFrame:
     def row(case):
         try:
             return one(case) | {"failure": ""}
-        except RunFailed as error:
+        except (RunFailed, RunCrashed) as error:
             return {"case": " ".join(map(str, case)), "failure": str(error)}
 
     with ThreadPoolExecutor(jobs) as pool:

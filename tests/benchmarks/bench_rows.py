@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import csv
+import threading
 from pathlib import Path
+
+_one_at_a_time = threading.Lock()
 
 
 def finished(path: Path, keys: tuple[str, ...]) -> set[tuple[str, ...]]:
@@ -16,15 +19,16 @@ def finished(path: Path, keys: tuple[str, ...]) -> set[tuple[str, ...]]:
 
 def append(path: Path, columns: tuple[str, ...], row: dict) -> None:
     """Append one row under a heading that is written once, and print it; a file of other columns gets these first."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    new = not path.exists()
-    if not new:
-        _bring_to(path, columns)
-    with open(path, "a", newline="") as file:
-        writer = csv.DictWriter(file, columns, restval="", lineterminator="\n")
-        if new:
-            writer.writeheader()
-        writer.writerow({key: f"{value:.6g}" if isinstance(value, float) else value for key, value in row.items()})
+    with _one_at_a_time:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        new = not path.exists()
+        if not new:
+            _bring_to(path, columns)
+        with open(path, "a", newline="") as file:
+            writer = csv.DictWriter(file, columns, restval="", lineterminator="\n")
+            if new:
+                writer.writeheader()
+            writer.writerow({key: f"{value:.6g}" if isinstance(value, float) else value for key, value in row.items()})
     print(", ".join(f"{key} {value}" for key, value in row.items() if value != ""), flush=True)
 
 

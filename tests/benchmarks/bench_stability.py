@@ -21,7 +21,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pandas as pd
 from bench_rows import append, finished
-from dem_runs import BUILD, D50, ROOT, RunCrashed, RunFailed, assembly, digest, run
+from dem_runs import BUILD, D50, ROOT, RunCrashed, RunFailed, RunStopped, assembly, row_digest, run
 
 from analysis import micromechanics
 from analysis.assembly import Assembly, AssemblyError, make_assembly, write_assembly
@@ -142,38 +142,38 @@ def main() -> None:
     def fill(cell) -> None:
         axis, *values, changes = cell
         texts = (f"{v:.6g}" if isinstance(v, float) else str(v) for v in values)
-        if (digest(), axis, *texts) not in done:
+        if (row_digest(), axis, *texts) not in done:
             append(ROWS, COLUMNS, measured(BASE | changes) | {"axis": axis, "value": values[0], "second": values[1]})
 
     with ThreadPoolExecutor(args.jobs) as pool:
         list(pool.map(fill, [c for c in cells() if not args.table and args.axis in (None, c[0])]))
-    rows = pd.read_csv(ROWS, dtype={"value": str, "second": str, "reason": str})
-    old = rows.scripts != digest()
+    rows = pd.read_csv(ROWS, dtype={"scripts": str, "value": str, "second": str, "reason": str})
+    old = rows.scripts != row_digest()
     if old.all():
-        sys.exit(f"{ROWS}: no cell of these scripts ({digest()}); {old.sum()} are of others")
-    rows = judged(rows[~old])
+        sys.exit(f"{ROWS}: no cell of this code ({row_digest()}); {old.sum()} are of other")
+    others, rows = rows[old], judged(rows[~old])
     part = ROWS.with_suffix(".part")
-    rows.to_csv(part, index=False, columns=COLUMNS, float_format="%.6g")
+    pd.concat([others, rows]).to_csv(part, index=False, columns=COLUMNS, float_format="%.6g")
     part.replace(ROWS)
     print(rows.groupby(["axis", "outcome"]).size().unstack(fill_value=0).to_string())
     wrong = np.sum(rows.outcome == "wrong")
-    print(f"{len(rows)} cells, {wrong} wrong without a word; {old.sum()} rows of other scripts left out")
+    print(f"{len(rows)} cells, {wrong} wrong without a word; {old.sum()} rows of other code left out")
     sys.exit(int(np.any(rows.outcome == "wrong")))
 
 
 def measured(case: dict) -> dict:
     """The row of one cell: what it and its reference give, or how it ended; the verdict comes later."""
-    row = {"scripts": digest(), "N": case["N"]}
+    row = {"scripts": row_digest(), "N": case["N"]}
     fine = {k: v for k, v in case.items() if not k.startswith("servo_") and k != "squeeze"}
     fine |= {"timestep_factor": min(0.5, case["timestep_factor"] / 2), "density_scaling": 0,
              "inertial_number": min(8e-4, _rate(case) / 3)}  # fmt: skip
     try:
         start = consolidated(case)
         mine, told = sheared(start, case)
+    except (RunCrashed, RunStopped) as error:
+        return row | {"outcome": "wrong", "reason": f"crashed or stopped: {error}"}
     except (RunFailed, AssemblyError) as error:
         return row | {"outcome": "refused", "reason": str(error)}
-    except RunCrashed as error:
-        return row | {"outcome": "wrong", "reason": f"crashed: {error}"}
     row |= mine | told | initial(start)
     try:
         reference = sheared(start, fine)[0]

@@ -11,7 +11,7 @@ import argparse
 
 import pandas as pd
 from bench_rows import append, finished
-from dem_runs import ROOT, SIGMA_LN, RunFailed, assembly, digest, run
+from dem_runs import ROOT, SIGMA_LN, RunCrashed, RunFailed, assembly, digest, run
 
 from analysis import grading, micromechanics
 from analysis.paper import INITIAL_STATE
@@ -32,7 +32,10 @@ def main() -> None:
     for packing in (1, 2, 3):
         for mu_iso in (0.04, 0.1, 0.001):
             if (digest(), str(args.N), f"{args.sigma_ln:g}", f"{mu_iso:g}", str(packing)) not in done:
-                append(ROWS, COLUMNS, consolidated(args.N, args.sigma_ln, mu_iso, packing))
+                try:
+                    append(ROWS, COLUMNS, consolidated(args.N, args.sigma_ln, mu_iso, packing))
+                except RunCrashed as error:
+                    print(f"crashed, no row: {error}", flush=True)
     compare(pd.read_csv(ROWS))
 
 

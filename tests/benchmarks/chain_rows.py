@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from dem_runs import RunFailed, row_digest, run
+from bench_rows import append
+from dem_runs import RunCrashed, RunFailed, row_digest, run
 
 from analysis.run_states import run_states
 from analysis.runfile import RunFileError, read_run
@@ -45,6 +46,18 @@ class Chain:
         own = {"mu_s": self.mu_s, "G_p": self.G_p, **self.swapped}
         first = {"assembly": self.assembly, "mu_iso": self.mu_iso, "G_p": G_REF, "seed": self.seed}
         return {"consolidate": first, "probe": own, "shear": own | {"snapshots": ""} | self.shear}
+
+
+def fill(path: Path, columns: tuple[str, ...], cases) -> int:
+    """Append the row of every (columns of its own, chain); how many crashed, which are printed and have no row."""
+    crashed = 0
+    for case, chain in cases:
+        try:
+            append(path, columns, case | row(chain))
+        except RunCrashed as error:
+            crashed += 1
+            print(f"crashed, no row: {error}", flush=True)
+    return crashed
 
 
 def row(chain: Chain) -> dict:

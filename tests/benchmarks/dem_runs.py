@@ -28,6 +28,7 @@ from campaign.row import MACHINE, closed_doors, die_with_parent  # noqa: E402
 
 BUILD = Path(os.environ.get("BENCH_FOLDER", ROOT / "build" / "bench"))
 D50, SIGMA_LN = 0.248e-3, 0.174
+LONG_DOUBLE = ROOT / "tests" / "yade_scenes" / "in_long_double.py"
 #: The analysis that makes a row of a run, beside the scripts that make the run.
 MEASURING = ("run_states", "triaxial", "stiffness", "micromechanics", "rearrangement")
 #: A stated reason that tells of a bug, not of physics.
@@ -36,7 +37,11 @@ _busy: dict[str, threading.Lock] = defaultdict(threading.Lock)  # one a file, so
 
 
 class RunFailed(RuntimeError):
-    """A run that stated its failure, or used more CPU time than it may; the text is its reason."""
+    """A run that stated its failure; the text is its reason."""
+
+
+class RunStopped(RunFailed):
+    """A run that used more CPU time than it may."""
 
 
 class RunCrashed(RuntimeError):
@@ -80,19 +85,23 @@ def run(stage: str, yade: str = "yade", cpu_limit: int = 7200, **values) -> Path
 
     Raises RunFailed with the stated reason, which is kept as the product is, and RunCrashed, which is not.
     """
-    identity = json.dumps([stage, digest(), {k: str(v) for k, v in values.items()}, yade], sort_keys=True)
+    scene = [] if yade == "yade" else [yade, _sha256([LONG_DOUBLE])]
+    identity = json.dumps([stage, digest(), {k: str(v) for k, v in values.items()}, *(scene or [yade])], sort_keys=True)
     name = f"{stage}_{hashlib.sha256(identity.encode()).hexdigest()[:12]}"
     product, failure = BUILD / f"{name}.h5", BUILD / f"{name}.failed.json"
     with _busy[name]:
         _run_if_missing(stage, yade, name, values, cpu_limit)
     if not product.exists():
-        raise RunFailed(json.loads(failure.read_text())["reason"])
+        told = json.loads(failure.read_text())
+        raise (RunStopped if "cpu_limit" in told else RunFailed)(told["reason"])
     return product
 
 
 def _run_if_missing(stage: str, yade: str, name: str, values: dict, cpu_limit: int) -> None:
     """One YADE process for the row, unless its product or its stated failure is there; it dies with this process."""
     product, failure = BUILD / f"{name}.h5", BUILD / f"{name}.failed.json"
+    if failure.exists() and json.loads(failure.read_text()).get("cpu_limit", cpu_limit) < cpu_limit:
+        failure.unlink()  # it was stopped earlier than it would be now
     if not product.exists() and not failure.exists():
         BUILD.mkdir(parents=True, exist_ok=True)
         row = {"description": name, "product": f"'{product}'"} | {
@@ -104,7 +113,8 @@ def _run_if_missing(stage: str, yade: str, name: str, values: dict, cpu_limit: i
 
         def limited():
             die_with_parent()
-            resource.setrlimit(resource.RLIMIT_CPU, (cpu_limit, cpu_limit + 10))
+            hard = resource.getrlimit(resource.RLIMIT_CPU)[1]
+            resource.setrlimit(resource.RLIMIT_CPU, (cpu_limit if hard < 0 else min(cpu_limit, hard), hard))
 
         with open(log, "w") as out:
             ended = subprocess.run(
@@ -115,7 +125,8 @@ def _run_if_missing(stage: str, yade: str, name: str, values: dict, cpu_limit: i
         if product.exists():
             return
         if ended.returncode == -signal.SIGXCPU:
-            failure.write_text(json.dumps({"reason": f"stopped: CPU time, limit {cpu_limit} s"}))
+            told = {"reason": f"stopped: CPU time, limit {cpu_limit} s", "cpu_limit": cpu_limit}
+            failure.write_text(json.dumps(told))
         reason = json.loads(failure.read_text())["reason"] if failure.exists() else f"signal or exit {ended.returncode}"
         if not failure.exists() or BUG.match(reason) or re.search(MACHINE, reason):
             failure.unlink(missing_ok=True)
@@ -126,7 +137,7 @@ def _scene(stage: str, yade: str) -> list[str]:
     """The script of a stage; where YADE's numbers are not doubles, the scene that makes doubles of what it reads."""
     if yade == "yade":
         return [str(ROOT / "yade_scripts" / f"{stage}.py")]
-    return [str(ROOT / "tests" / "yade_scenes" / "in_long_double.py"), stage]
+    return [str(LONG_DOUBLE), stage]
 
 
 def chain(
