@@ -183,7 +183,7 @@ def in_short(results, claims) -> list[str]:
         named = claims.loc[claims["verdict"] == outcome, "claim"]
         if len(named):
             parts.append(
-                f"Claims {words}: " + ("; ".join(named) if len(named) <= 5 else f"{len(named)}, see the table") + "."
+                f"Claims {words}: " + ("; ".join(named) if len(named) <= 6 else f"{len(named)}, see the table") + "."
             )
     return parts
 
