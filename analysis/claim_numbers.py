@@ -153,6 +153,13 @@ def largest_distance(samples, states, symbol):
     return max(_distance(sample, state, symbol, a, b) for state in states for a, b in pairs) if pairs else np.nan
 
 
+def packings_tell(samples, states, symbol):
+    """Whether replicate packings tell what a quantity at the states differs by between packings."""
+    sample = samples["coupled"]
+    freedom = [common_error(sample.results, state, symbol, sample.family)[1] for state in states]
+    return all(0 < f < np.inf for f in freedom)
+
+
 def end_distance(samples, state, symbol):
     """Wasserstein distance of the densest and the loosest over the mean standard deviation of the two."""
     sample = samples["coupled"]

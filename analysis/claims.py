@@ -34,7 +34,8 @@ class Claim:
 
     `sense`: "<=", ">=", or "|x| <=" for a number with a sign.  `distance` marks a number that cannot be negative and
     that noise mostly raises.  `refutable` tells from the full samples whether the claim can be refuted: a number that
-    noise raises on its own does not do so unless the noise is known and taken off.
+    noise raises on its own does not do so unless the noise is known and taken off, nor a difference between densities
+    unless replicate packings tell how much of it is the packings'.
     """
 
     statement: str
@@ -102,6 +103,7 @@ def claims(results) -> list[Claim]:
                 "<=",
                 0.25,
                 distance=True,
+                refutable=partial(numbers.packings_tell, states=("critical",), symbol=symbol),
             )
         )
         out.append(
@@ -123,6 +125,7 @@ def claims(results) -> list[Claim]:
                 "<=",
                 0.25,
                 distance=True,
+                refutable=partial(numbers.packings_tell, states=("peak", "critical"), symbol=symbol),
             )
         )
     for (state, symbol, mu_iso), (low, high) in paper.STATE_RANGE.items():
