@@ -88,7 +88,7 @@ class Sample:
         return values if self.luck < 0 else values + self._common(symbol)[:, :, None]
 
     def _common(self, symbol):
-        """A drawn error (D, T) along strain that all points of a density share; NaN for a density without replicates"""
+        """A drawn error (D, T) along strain that all points of a density share; NaN where there are no replicates."""
         if (symbol, "common") not in self.store:
             self.store[symbol, "common"] = [common_curves(self.results, symbol, mu_iso, self.family)
                                             for mu_iso in self.densities]  # fmt: skip

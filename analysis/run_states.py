@@ -27,7 +27,8 @@ class RunStates:
     `errors` holds standard errors of state values from the run's own fluctuation; `steady_end` says that the run
     stopped because its critical state was steady; `critical_from` (strain), `drift` (of eta and e over the critical
     part, relative) and `unsteady` (a reason, empty if the proof holds) say what the critical averages rest on;
-    `grains` is (diameters (N,) m, grading attributes) of a shear run; `checks` what a probe was judged by (`checks`).
+    `grains` is (diameters (N,) m, grading attributes) of a shear run; `checks` what a probe was judged by, as
+    `_probe_states` names it.
     """
 
     eps_a: np.ndarray = field(default_factory=lambda: np.empty(0))
