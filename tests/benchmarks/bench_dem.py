@@ -8,8 +8,9 @@
 Five packings, three points, three densities in fifteen cases: each point meets each density, each packing each point.
 All settings of a case start from the same packing at rest, those of another N from their own.  `rate` is a share of the
 rate that a campaign would shear the point at.
-Rows go to data/benchmarks/dem_runs.csv as they finish; data/benchmarks/dem_errors.csv holds bias and scatter of every
-response of every setting against the reference, and data/benchmarks/dem_errors.png shows error against cost.
+Rows go to data/benchmarks/dem_runs.csv as they finish.  Beside it dem_errors.csv holds bias and scatter of every
+response of every setting against the reference, dem_errors.png shows error against cost, and dem_cost.csv has what the
+paper's campaign costs at these settings.
 """
 
 from __future__ import annotations
@@ -17,9 +18,13 @@ from __future__ import annotations
 import argparse
 import itertools
 import os
+import sys
 from concurrent.futures import ThreadPoolExecutor
 
+import pandas as pd
 from bench_rows import append, finished
+from dem_cost import costs
+from dem_errors import summarise
 from dem_runs import ROOT, RunCrashed, RunFailed, chain, row_digest
 
 from analysis.run_states import run_states
@@ -31,9 +36,10 @@ ROWS = ROOT / "data" / "benchmarks" / "dem_runs.csv"
 POINTS = {"low": (0.09, 45.0e9), "middle": (0.214, 25.7e9), "high": (0.50, 14.0e9)}
 MU_ISO = (0.001, 0.04, 0.1)
 PACKINGS = (1, 2, 3, 4, 5)
-INERTIAL_NUMBER = 2.4e-3
 BASE = {
     "N": 1000,
+    "inertial_number": 2.4e-3,
+    "strain_end": 0.40,
     "rate": 1.0,
     "timestep_factor": 1.0,
     "damping": 0.0,
@@ -95,9 +101,16 @@ def main() -> None:
         for some in [settings[:2], *([s] for s in settings[2:])]:
             with ThreadPoolExecutor(args.jobs) as pool:
                 list(pool.map(lambda case: fill(case, some), cases(args)))  # noqa: B023  the pool ends with its turn
-    from dem_errors import summarise
-
-    summarise(ROWS, row_digest(), write=not args.short)
+    rows = pd.read_csv(ROWS)
+    rows = rows[rows.scripts == row_digest()]
+    if not len(rows):
+        sys.exit(f"{ROWS}: no row of this code ({row_digest()})")
+    folder = None if args.short else ROWS.parent
+    summarise(rows, folder)
+    cost = costs(rows, {name: BASE | values for name, values in SETTINGS.items()}, POINTS)
+    if folder:
+        cost.to_csv(folder / "dem_cost.csv", index=False, float_format="%.4g")
+    print(cost.to_string(index=False, float_format=lambda v: f"{v:.4g}"))
 
 
 def cases(args) -> list[tuple]:
@@ -122,7 +135,7 @@ def add_row(setting: str, packing: int, mu_iso: float, point: str) -> None:
     """Run one case and append its row, failed or not."""
     values = BASE | SETTINGS[setting]
     mu_s, G_p = POINTS[point]
-    values["inertial_number"] = values.pop("rate") * effective_rate(INERTIAL_NUMBER, mu_s)
+    values["inertial_number"] = values.pop("rate") * effective_rate(values["inertial_number"], mu_s)
     row = {
         "setting": setting,
         "scripts": row_digest(),
@@ -134,7 +147,7 @@ def add_row(setting: str, packing: int, mu_iso: float, point: str) -> None:
         "failure": "",
     }
     try:
-        probe, shear = chain(seed=packing, mu_iso=mu_iso, mu_s=mu_s, G_p=G_p, strain_end=0.40, snapshots="", **values)
+        probe, shear = chain(seed=packing, mu_iso=mu_iso, mu_s=mu_s, G_p=G_p, snapshots="", **values)
         states = run_states(shear).states
         row |= {k: int(shear.timing[k]) for k in ("steps",)} | {"cpu_seconds": float(shear.timing["cpu_seconds"])}
         row |= {"probe_steps": int(probe.timing["steps"]), "probe_cpu_seconds": float(probe.timing["cpu_seconds"])}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import matplotlib
@@ -28,66 +27,65 @@ RESPONSES = (
     "G_0",
 )
 MAIN = ("eta_peak", "eta_critical", "e_critical", "Z_critical")
+#: What the difference between the high and the low point is called, and what a bias may be at a point and of it.
+SPREAD, BIAS_LIMIT, SPREAD_LIMIT = "high - low", 0.02, 0.05
 
 
-def summarise(path: Path, scripts: str, write: bool = True) -> pd.DataFrame:
-    """Print the table of errors of the rows of these scripts; `write` puts it and its figure beside the rows."""
-    rows = pd.read_csv(path, keep_default_na=True)
-    rows = rows[rows.scripts == scripts]
-    if not len(rows):
-        sys.exit(f"{path}: no row of these scripts ({scripts})")
+def summarise(rows: pd.DataFrame, folder: Path | None) -> None:
+    """Print the biases with their 95 % half widths, in %; with a folder, put the table and its figure there."""
     table = pd.concat([errors(rows, REFERENCE), errors(rows, BASE)])
-    if write:
-        table.to_csv(path.with_name("dem_errors.csv"), index=False, float_format="%.5g")
-        draw(table[table.against == REFERENCE], path.with_name("dem_errors.png"))
-    print(table.to_string(index=False, float_format=lambda v: f"{v:.4g}"))
-    return table
+    if folder:
+        table.to_csv(folder / "dem_errors.csv", index=False, float_format="%.5g")
+        draw(table[table.against == REFERENCE], folder / "dem_errors.png")
+    words = [f"{100 * b:+.1f} ± {100 * h:.1f}" for b, h in zip(table.bias, table.bias_half_width, strict=True)]
+    told = table.assign(words=words).pivot(index=["against", "setting", "of"], columns="response", values="words")
+    print(told[list(RESPONSES)].to_string())
+    print("within the limits:", table.groupby("against").within.value_counts().to_dict())
 
 
 def errors(rows: pd.DataFrame, against: str) -> pd.DataFrame:
-    """Per setting and response, `against` another setting: cases, relative bias, its 95 % half width, scatter, cost.
+    """Relative bias of every setting and response against another setting, its 95 % half width, scatter and cost.
 
-    A pair is the same packing, density and point.  The critical state forgets its packing, so that
-    pairing helps little there; the half width says so.
+    A pair is the same packing, density and point.  `of` tells what is compared: the mean of all points, one point, or
+    the difference between the high and the low one, which carries the propagation.  What is independent are the
+    packings: half width and scatter are those between them.  `within`: the whole interval lies inside the limit (yes),
+    outside (no), or neither (open).
     """
-    good = rows[rows.failure.isna()]
+    good, out = rows[rows.failure.isna()], []
     base = good[good.setting == against].set_index(CASE)
-    out = []
-    for setting in dict.fromkeys(rows.setting):
-        if setting == against:
-            continue
+    for setting in (name for name in dict.fromkeys(rows.setting) if name != against):
         some = good[good.setting == setting].set_index(CASE)
         common = some.index.intersection(base.index)
-        for name in RESPONSES:
-            if not len(common):
-                continue
-            own, other = some.loc[common, name], base.loc[common, name]
-            relative = (own - other) / other.mean()
-            n = len(relative)
-            half = t.ppf(0.975, n - 1) * relative.std(ddof=1) / np.sqrt(n) if n > 1 else np.nan
-            out.append(
-                {
-                    "setting": setting,
-                    "against": against,
-                    "response": name,
-                    "cases": len(common),
-                    "failed": int((rows.setting == setting).sum() - len(some)),
-                    "bias": relative.mean(),
-                    "bias_half_width": half,
-                    "scatter": relative.std(ddof=1),
-                    "steps": some.loc[common, "steps"].mean(),
-                    "particle_steps": some.loc[common, "particle_steps"].mean(),
-                    "particle_steps_ratio": some.loc[common, "particle_steps"].sum()
-                    / base.loc[common, "particle_steps"].sum(),
-                }
-            )
+        some, other = some.loc[common], base.loc[common]
+        told = {"setting": setting, "against": against, "cases": len(common),
+                "failed": int((rows.setting == setting).sum() - (good.setting == setting).sum())}  # fmt: skip
+        cost = {"steps": some.steps.mean(), "particle_steps": some.particle_steps.mean(),
+                "particle_steps_ratio": some.particle_steps.sum() / other.particle_steps.sum()}  # fmt: skip
+        for name in RESPONSES if len(common) else ():
+            theirs = _contrasts(other[name])
+            relative = (_contrasts(some[name]) - theirs) / theirs.mean()
+            for of in relative:
+                bias, n = relative[of].mean(), relative[of].count()
+                scatter = relative[of].std(ddof=1)
+                half = t.ppf(0.975, n - 1) * scatter / np.sqrt(n) if n > 1 else np.nan
+                limit = SPREAD_LIMIT if of == SPREAD else BIAS_LIMIT
+                within = "yes" if abs(bias) + half <= limit else "no" if abs(bias) - half > limit else "open"
+                out.append(told | {"response": name, "of": of, "packings": n, "bias": bias, "bias_half_width": half,
+                                   "scatter": scatter, "limit": limit, "within": within} | cost)  # fmt: skip
     return pd.DataFrame(out)
+
+
+def _contrasts(values: pd.Series) -> pd.DataFrame:
+    """What is compared, a packing a row: the mean of its points, each point, and the high one minus the low one."""
+    points = values.groupby(["packing", "point"]).mean().unstack("point")
+    out = points.assign(all=points.mean(axis=1))
+    return out.assign(**{SPREAD: points["high"] - points["low"]}) if {"high", "low"} <= set(points) else out
 
 
 def draw(table: pd.DataFrame, path: Path) -> None:
     """Largest |bias| of the main responses against particle-steps, with the Pareto front."""
     fig, ax = plt.subplots(figsize=(6.4, 4.2), constrained_layout=True)
-    main = table[table.response.isin(MAIN)]
+    main = table[table.response.isin(MAIN) & (table.of == "all")]
     worst = main.assign(size=main.bias.abs()).sort_values("size").groupby("setting").last()
     ax.errorbar(
         worst.particle_steps,

@@ -1,0 +1,76 @@
+"""What the paper's campaign costs at a setting of `bench_dem.py`, beside the paper's own protocol at LAMMPS' speed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pandas as pd
+from dem_runs import ROOT
+
+from campaign.config import Config, read_config
+from campaign.plan import PARTICLE_STEPS_PER_CPU_SECOND, SECONDS_PER_START, STAGES, make_rows, predicted_steps
+
+LAMMPS = ROOT / "data" / "benchmarks" / "lammps.csv"
+#: Settings whose campaign is costed, and the one whose steps tell how far the model of steps is off the paper's.
+COSTED, OWN_INERTIA = ("base", "N = 500"), "reference"
+
+
+def costs(rows: pd.DataFrame, settings: dict[str, dict], points: dict[str, tuple]) -> pd.DataFrame:
+    """Core-hours of the paper's 600 shear runs, 600 probes and consolidations: a row a setting, and the paper's own.
+
+    The plan of that campaign has the rate, step and size of every run; what the benchmark's runs took over what the
+    plan says of them corrects it, for shear and probe apart (consolidation, three runs, as shear).  The paper's
+    protocol has 23,312 spheres with their own inertia at I = 1e-4 and a consolidation a point; its particle-steps are
+    taken at the rate of LAMMPS' bare loop over 27,000 spheres.  `ratio`: how many times dearer it is.
+
+    settings: name -> what the shear runs of its rows were given; points: name -> (mu_s, G_p in Pa).
+    """
+    good = rows[rows.failure.isna()]
+    paper = read_config(ROOT / "campaign" / "paper.toml")
+    all_points = pd.read_csv(ROOT / "data" / "laptop" / "points.csv").to_dict("records")
+
+    def model(some, stage: str, seconds: bool) -> float:
+        """Steps, or CPU seconds, that the plan has for these rows together."""
+        return sum(_planned(row, stage, settings[row.setting], points[row.point], seconds) for row in some.itertuples())
+
+    out = []
+    for setting in (s for s in COSTED if (good.setting == s).any()):
+        some, plan = good[good.setting == setting], make_rows(_config(paper, settings[setting]), all_points)
+        over = {"shear": some.cpu_seconds.sum() / model(some, "shear", True),
+                "probe": some.probe_cpu_seconds.sum() / model(some, "probe", True)}  # fmt: skip
+        over["consolidate"] = over["shear"]
+        hours = {stage: over[stage] * sum(r.cpu_seconds for r in plan if r.stage == stage) / 3600 for stage in STAGES}
+        steps = sum(r.particle_steps for r in plan)
+        out.append({"campaign": setting, "runs": len(plan), "particle_steps": steps, **hours,
+                    "core_hours": sum(hours.values()), "cpu_over_plan": over["shear"]})  # fmt: skip
+    slow = good[good.setting == OWN_INERTIA]
+    if len(slow) and LAMMPS.exists():
+        loops = pd.read_csv(LAMMPS).query("run == 'bare loop'").sort_values("N")
+        plan = make_rows(paper, all_points)
+        over = slow.steps.sum() / model(slow, "shear", False)
+        steps = over * sum(r.particle_steps for r in plan)
+        hours = steps / loops.particle_steps_per_cpu_second.iloc[-1] / 3600
+        out.append({"campaign": "the paper's protocol, LAMMPS", "runs": len(plan), "particle_steps": steps,
+                    "core_hours": hours})  # fmt: skip
+        for row in out:
+            row["ratio"] = hours / row["core_hours"]
+    return pd.DataFrame(out)
+
+
+def _config(paper: Config, values: dict) -> Config:
+    """The paper's campaign at a setting of the benchmark, consolidated once a density."""
+    return replace(
+        paper,
+        assembly=replace(paper.assembly, N=values["N"]),
+        consolidation=replace(paper.consolidation, per_point=False),
+        shear=replace(paper.shear, inertial_number=values["inertial_number"]),
+        dem=replace(paper.dem, timestep_factor=values["timestep_factor"],
+                    density_scaling=bool(values["density_scaling"])),
+    )  # fmt: skip
+
+
+def _planned(row, stage: str, values: dict, point: tuple, seconds: bool) -> float:
+    mu_s, G_p = point
+    asked = values | {"inertial_number": row.inertial_number, "mu_s": mu_s, "G_p": G_p, "sigma_3": 100e3}
+    steps = predicted_steps(stage, asked)
+    return SECONDS_PER_START + steps * row.N / PARTICLE_STEPS_PER_CPU_SECOND if seconds else steps
