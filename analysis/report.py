@@ -12,6 +12,7 @@ from analysis.claims import HELD, NOT_HELD, OPEN
 from analysis.figures import FIGURES, write_figures
 from analysis.quantities import QUANTITIES
 from analysis.results import read_results
+from analysis.stopping import LEAST
 
 
 def write_report(results, folder) -> Path:
@@ -45,6 +46,7 @@ def sections(results, figures, name) -> list[tuple[str, str]]:
         ("Void ratios, coordination, fabric", _behaviour(results, figures)),
         ("Stiffness and dilatancy", _pictures(results, figures, "fig13")),
         ("Joint densities", _pictures(results, figures, "fig14", "fig15")),
+        ("What friction does", _friction(results, figures)),
         ("Where the scatter comes from", report_trust.sources(results)),
         ("What the number of pairs leaves open", open_inputs(results)),
         ("Friction angles for design", report_trust.design(results)),
@@ -202,6 +204,20 @@ def _behaviour(results, figures):
     return _pictures(results, figures, "fig08", "fig09", "fig10", "fig11", "fig12") + shown
 
 
+def _friction(results, figures):
+    frame = tables.friction_table(results)
+    frame = frame[(frame["state"] == "critical") & (frame["quantity"] == QUANTITIES["eta"].heading)]
+    pictures = _pictures(results, figures, "fig16")
+    if not len(frame):
+        return pictures + webpage.paragraph(f"Too few runs to table it: at least {LEAST} points a density.")
+    shown = frame.assign(text=[_with_half(v, h) for v, h in zip(frame["value"], frame["half width"], strict=True)])
+    shown = shown.pivot(index=["mu_s", "G_p (GPa)"], columns="mu_iso", values="text")
+    shown.columns = [f"mu_iso = {mu_iso:g}" for mu_iso in shown.columns]
+    caption = "Critical stress ratio along interparticle friction, from all points (± 95 %)"
+    return (pictures + webpage.table(shown.reset_index(), caption)
+            + webpage.paragraph(report_text.density_at_a_friction(frame)))  # fmt: skip
+
+
 def open_inputs(results) -> str:
     """HTML on what the number of pairs leaves open: moments with bands, or a sentence that there are none."""
     frame = tables.input_bands(results)
@@ -248,6 +264,11 @@ def _pictures(results, figures, *starts):
         for name, path in figures.items()
         if name.startswith(start)
     )
+
+
+def _with_half(value, half):
+    """A value with its half width, where there is one."""
+    return f"{value:.3f}" + (f" ± {half:.3f}" if np.isfinite(half) else "")
 
 
 def _with_cov(mean, cov):

@@ -12,6 +12,7 @@ from analysis import paper, weighted
 from analysis.archive import CONSOLIDATED
 from analysis.claims import claims_table
 from analysis.design import design_table
+from analysis.friction_effect import friction_table
 from analysis.input_bands import input_bands
 from analysis.pooling import moment_bands, monte_carlo_along, monte_carlo_check, variance_sources
 from analysis.quantities import QUANTITIES
@@ -162,6 +163,7 @@ TABLES = {
     "peak_critical": peak_critical,
     "claims": claims_table,
     "design": design_table,
+    "friction": friction_table,
     "variance_sources": variance_sources,
     "monte_carlo": monte_carlo_check,
     "input_bands": input_bands,

@@ -182,4 +182,4 @@ def test_write_report_leaves_one_file_and_the_figures(results, tmp_path, monkeyp
     path = report.write_report(results, tmp_path)
     assert path == tmp_path / "report.html" and {p.name for p in tmp_path.iterdir()} == {"figures", "report.html"}
     source = path.read_text(encoding="utf-8")
-    assert "<title>Campaign synthetic</title>" in source and "synthetic 14" in source
+    assert "<title>Campaign synthetic</title>" in source and f"synthetic {len(FIGURES)}" in source

@@ -1,10 +1,10 @@
-"""All figures of a campaign, each drawn from results.h5 alone and named after the paper's."""
+"""All figures of a campaign, each drawn from results.h5 alone; 2 to 15 are named after the paper's."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-from analysis.figures import behaviour, inputs, joint, stiffness, stress_ratio, style
+from analysis.figures import behaviour, friction, inputs, joint, stiffness, stress_ratio, style
 from analysis.results import read_results
 
 #: File name without ending -> drawing function of the open results.
@@ -23,6 +23,7 @@ FIGURES = {
     "fig13_stiffness_dilatancy": stiffness.stiffness_dilatancy,
     "fig14_joint_eta_e": joint.eta_void_ratios,
     "fig15_joint_eta_Z": joint.eta_coordination,
+    "fig16_friction": friction.along,
 }
 
 

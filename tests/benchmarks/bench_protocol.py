@@ -1,8 +1,7 @@
-"""What the DEM protocol claims of its runs, measured: cost over a bare loop, the servo, friction, round-off.
+"""What the DEM protocol claims of its runs, measured: cost over a bare loop, the servo, round-off.
 
     python3 tests/benchmarks/bench_protocol.py overhead     CPU time of a shear run over a bare loop's (2 minutes)
     python3 tests/benchmarks/bench_protocol.py servo        sigma_3 held, for N from 500 to 8,000 (15 minutes)
-    python3 tests/benchmarks/bench_protocol.py friction     critical state, seven mu_s, three densities (half an hour)
     python3 tests/benchmarks/bench_protocol.py roundoff     the same runs in double and in long double (5 minutes)
 
 Times are CPU times of one core; runs that are there are not repeated.  Each writes data/benchmarks/protocol_<word>.csv.
@@ -20,14 +19,11 @@ import pandas as pd
 from bench_stability import BASE, consolidated, initial, sheared
 from dem_runs import ROOT, RunCrashed, RunFailed, assembly, chain, run
 
-from analysis.run_states import run_states
 from analysis.runfile import read_run
 from campaign.row import closed_doors
 
 G_P = 25.7e9
 CAMPAIGN = {"inertial_number": 2.4e-3, "timestep_factor": 1.0, "density_scaling": 1, "snapshots": ""}
-FRICTION = (0.065, 0.10, 0.15, 0.25, 0.40, 0.50, 0.65)
-MU_ISO = (0.001, 0.04, 0.1)
 
 
 def overhead(jobs: int) -> pd.DataFrame:
@@ -71,23 +67,6 @@ def servo(jobs: int) -> pd.DataFrame:
     return _all(one, cases, jobs)
 
 
-def friction(jobs: int) -> pd.DataFrame:
-    """Critical state (25-40 % strain) and peak at each friction and initial density, with standard errors."""
-    cases = [(mu_s, mu_iso) for mu_s in FRICTION for mu_iso in MU_ISO]
-
-    def one(case):
-        mu_s, mu_iso = case
-        _, shear = chain(N=1000, seed=1, mu_iso=mu_iso, mu_s=mu_s, G_p=G_P, strain_end=0.40, **CAMPAIGN)
-        found = run_states(shear)
-        critical, error = found.states["critical"], found.errors["critical"]
-        row = {"mu_s": mu_s, "mu_iso": mu_iso, "eta_peak": float(found.states["peak"]["eta"])}
-        row |= {f"{s}_critical": float(critical[s]) for s in ("eta", "e", "Z", "Z_m", "Phi_dev")}
-        return row | {"eta_critical_error": float(error["eta"]), "e_critical_error": float(error["e"]),
-                      "unsteady": found.unsteady}  # fmt: skip
-
-    return _all(one, cases, jobs)
-
-
 def roundoff(jobs: int) -> pd.DataFrame:
     """Consolidation and 4 % of shear of the stability map's middle, in double and in long double, three packings."""
     cases = [(seed, yade) for seed in (1, 2, 3) for yade in ("yade", "yade-longdouble")]
@@ -115,7 +94,7 @@ def _all(one, cases: list, jobs: int) -> pd.DataFrame:
 
 
 def main() -> None:
-    words = {f.__name__: f for f in (overhead, servo, friction, roundoff)}
+    words = {f.__name__: f for f in (overhead, servo, roundoff)}
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("what", nargs="+", choices=words)
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="runs at once")
