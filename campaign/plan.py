@@ -21,8 +21,8 @@ from campaign.files import read_json, write_json, write_text
 #: Raised for a stage whenever its script computes something else from the same parameters.
 PROTOCOL = {"consolidate": 4, "probe": 4, "shear": 5}
 STAGES = ("consolidate", "probe", "shear")
-#: Measured on one core (Debian's YADE, periodic Hertz-Mindlin packing, servo on); see data/benchmarks.
-PARTICLE_STEPS_PER_CPU_SECOND = 0.9e6
+#: Means of the laptop campaign's 855 runs (data/laptop/tables/runs.csv), two at once on two cores.
+PARTICLE_STEPS_PER_CPU_SECOND = {"consolidate": 0.95e6, "probe": 0.38e6, "shear": 0.52e6}
 SECONDS_PER_START = 1.5
 #: How much larger the step is with `dem.density_scaling` (shear runs at N = 1,000: 1.80 to 1.85).
 BALANCED_STEP = 1.85
@@ -54,7 +54,7 @@ class Row:
 
     @property
     def cpu_seconds(self) -> float:
-        return SECONDS_PER_START + self.particle_steps / PARTICLE_STEPS_PER_CPU_SECOND
+        return predicted_seconds(self.stage, self.particle_steps)
 
 
 def make_rows(config: Config, points: list[dict]) -> list[Row]:
@@ -141,6 +141,11 @@ def predicted_steps(stage: str, values: dict) -> float:
         rate = effective_rate(values["inertial_number"], values["mu_s"])
         return 8.0 * values["strain_end"] / rate * stiff / step
     return {"consolidate": 900.0, "probe": 150.0}[stage] * stiff / step
+
+
+def predicted_seconds(stage: str, particle_steps: float) -> float:
+    """CPU time (s) of a run, YADE's start included."""
+    return SECONDS_PER_START + particle_steps / PARTICLE_STEPS_PER_CPU_SECOND[stage]
 
 
 def effective_rate(asked: float, mu_s: float) -> float:

@@ -11,7 +11,7 @@ from dem_runs import RunCrashed, RunFailed, row_digest, run
 from analysis.run_states import run_states
 from analysis.runfile import RunFileError, read_run
 from analysis.stiffness import StiffnessError
-from campaign.plan import PARTICLE_STEPS_PER_CPU_SECOND, SECONDS_PER_START, predicted_steps
+from campaign.plan import predicted_seconds, predicted_steps
 
 G_REF, SIGMA_3 = 25.7e9, 100e3
 #: A stage may use so many times the CPU time that its whole chain should take, and not less than LEAST_LIMIT seconds.
@@ -87,5 +87,5 @@ def cpu_seconds(chains: list[Chain]) -> float:
             steps = predicted_steps(stage, asked) * chain.finer
             kept = sorted((k, str(v)) for k, v in values.items())
             start = () if stage == "consolidate" else (chain.assembly, chain.mu_iso)
-            runs[stage, start, *kept] = SECONDS_PER_START + steps * chain.N / PARTICLE_STEPS_PER_CPU_SECOND
+            runs[stage, start, *kept] = predicted_seconds(stage, steps * chain.N)
     return sum(runs.values())

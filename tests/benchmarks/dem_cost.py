@@ -8,7 +8,7 @@ import pandas as pd
 from dem_runs import ROOT
 
 from campaign.config import Config, read_config
-from campaign.plan import PARTICLE_STEPS_PER_CPU_SECOND, SECONDS_PER_START, STAGES, make_rows, predicted_steps
+from campaign.plan import STAGES, make_rows, predicted_seconds, predicted_steps
 
 LAMMPS = ROOT / "data" / "benchmarks" / "lammps.csv"
 #: Settings whose campaign is costed, and the one whose steps tell how far the model of steps is off the paper's.
@@ -73,4 +73,4 @@ def _planned(row, stage: str, values: dict, point: tuple, seconds: bool) -> floa
     mu_s, G_p = point
     asked = values | {"inertial_number": row.inertial_number, "mu_s": mu_s, "G_p": G_p, "sigma_3": 100e3}
     steps = predicted_steps(stage, asked)
-    return SECONDS_PER_START + steps * row.N / PARTICLE_STEPS_PER_CPU_SECOND if seconds else steps
+    return predicted_seconds(stage, steps * row.N) if seconds else steps
