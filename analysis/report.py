@@ -209,8 +209,9 @@ def _friction(results, figures):
     frame = frame[(frame["state"] == "critical") & (frame["quantity"] == QUANTITIES["eta"].heading)]
     pictures = _pictures(results, figures, "fig16")
     if not len(frame):
-        return pictures + webpage.paragraph(f"Too few runs to table it: at least {LEAST} points a density.")
-    shown = frame.assign(text=[_with_half(v, h) for v, h in zip(frame["value"], frame["half width"], strict=True)])
+        few = f"No table of single frictions: that takes {LEAST} points a density, with runs that reach one of them."
+        return pictures + webpage.paragraph(few)
+    shown = frame.assign(text=[_with_half(v, h) for v, h in zip(frame["value"], frame["± (95 %)"], strict=True)])
     shown = shown.pivot(index=["mu_s", "G_p (GPa)"], columns="mu_iso", values="text")
     shown.columns = [f"mu_iso = {mu_iso:g}" for mu_iso in shown.columns]
     caption = "Critical stress ratio along interparticle friction, from all points (± 95 %)"

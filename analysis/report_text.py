@@ -46,7 +46,8 @@ CAPTIONS = {
     "Product kernels widen what is shown; the correlation given is that of the points.",
     "fig15": "Figure 15. Joint densities of the critical stress ratio with the two coordination numbers.",
     "fig16": "Figure 16. Not in the paper: peak and critical state along interparticle friction, every point and the "
-    "response surface for grains whose modulus is that of their like, with the 95 % band of surface and packings.",
+    "response surface for grains whose modulus is that of their like, with the 95 % band of the surface and, as far as "
+    "replicate packings tell it, of packings.",
 }
 
 
@@ -69,15 +70,20 @@ SOURCES = (
 
 def density_at_a_friction(frame) -> str:
     """Whether the critical stress ratio at a friction depends on the initial density, from `friction_table`'s rows."""
-    told = frame[frame["differs"] != ""]
+    if frame["mu_iso"].nunique() < 2:
+        return "There is one density, so what the initial density does cannot be told."
+    told = frame[frame["differs"].isin(["yes", "not shown"])]
     if not len(told):
-        return "What the densities differ by cannot be told: nothing here tells the error that packings add."
-    off = 100 * (told["difference"] / (told["value"] - told["difference"])).abs().max()
-    wide = 100 * (told["half width of difference"] / told["value"]).max()
+        return "What the initial density does cannot be told: no replicate packings tell what a packing adds."
+    level = told["value"] - told["from the mean of densities"]
+    off = 100 * (told["from the mean of densities"] / level).abs().max()
+    wide = 100 * (told["± (95 %) of that"] / level).max()
     beyond = int((told["differs"] == "yes").sum())
     return (
-        f"Against the mean of the densities at the same friction they are off by {off:.1f} % at most, known to "
-        f"± {wide:.1f} % at worst: {beyond or 'none'} of {len(told)} differences lie beyond their 95 % interval."
+        "At the same friction the densities' critical stress ratios lie within "
+        f"{off:.1f} % of their mean, known to ± {wide:.1f} % at worst: {beyond or 'none'} of {len(told)} differences "
+        f"{'lies' if beyond == 1 else 'lie'} beyond their single 95 % intervals (neighbouring frictions share a "
+        "surface and go together)."
     )
 
 

@@ -13,7 +13,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parent / "benchmarks"))
 
 import bench_beyond
 import bench_fidelity
-import dem_errors
 from bench_rows import append
 from chain_rows import NAMES, Chain, cpu_seconds
 
@@ -174,13 +173,3 @@ def test_only_points_that_both_gradings_have_are_compared_and_failures_of_both_c
     assert set(table.loc["gap graded", "runs"]) == {1}
     assert set(table.loc["gap graded", "failed"]) == {0} and set(table["failed of the other"]) == {1}
     assert set(table.loc["well graded", "failed"]) == {2} and table.loc["well graded", "mean"].isna().all()
-
-
-def test_a_setting_is_compared_over_the_cases_that_it_shares():
-    """Ten per cent off in the one case that both have; the reference's other case is far larger."""
-    case = {"mu_iso": 0.04, "point": "middle", "failure": np.nan, "steps": 1, "particle_steps": 1.0}
-    frame = pd.DataFrame(
-        [{"setting": name, "packing": packing} | case | dict.fromkeys(dem_errors.RESPONSES, value)
-         for name, packing, value in (("reference", 1, 1.0), ("reference", 2, 9.0), ("base", 1, 1.1))]
-    )  # fmt: skip
-    assert dem_errors.errors(frame, "reference")["bias"].to_numpy() == pytest.approx(0.1)

@@ -23,7 +23,9 @@ from analysis import runfile  # noqa: E402
 from analysis.figures import write_figures  # noqa: E402
 from analysis.results import read_results  # noqa: E402
 from analysis.tables import write_tables  # noqa: E402
+from campaign.config import read_config  # noqa: E402
 from campaign.evaluate import archive  # noqa: E402
+from campaign.plan import STAGES, make_rows  # noqa: E402
 from campaign.products import look, write_failure  # noqa: E402
 
 LAPTOP = ROOT / "data" / "laptop"
@@ -48,6 +50,15 @@ def test_the_committed_tables_are_those_of_the_results(tmp_path):
     pairs = [(pd.read_csv(path), pd.read_csv(LAPTOP / "tables" / path.name)) for path in paths]
     for ours, kept in pairs:
         pd.testing.assert_frame_equal(ours, kept, rtol=1e-4, atol=1e-9)
+
+
+@needs_laptop
+def test_the_plan_predicts_what_the_campaign_took():
+    points = pd.read_csv(LAPTOP / "points.csv").to_dict("records")
+    rows = make_rows(read_config(ROOT / "campaign" / "laptop.toml"), points)
+    taken = read_results(LAPTOP / "results.h5").runs.groupby("stage")["cpu_seconds"].sum()
+    for stage in STAGES:
+        assert sum(row.cpu_seconds for row in rows if row.stage == stage) == pytest.approx(taken[stage], rel=0.15)
 
 
 @needs_laptop

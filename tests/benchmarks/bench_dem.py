@@ -114,7 +114,7 @@ def main() -> None:
 
 
 def cases(args) -> list[tuple]:
-    """(packing, mu_iso, point): fifteen in which points, densities and packings meet evenly, all 45, or one."""
+    """(packing, mu_iso, point): fifteen (every point in every packing and at every density), all 45, or one."""
     if args.short:
         return [(1, 0.04, "middle")]
     if args.full:

@@ -4,11 +4,12 @@
     python3 tests/benchmarks/bench_stability.py --table    only verdicts and counts of the rows there are
 
 A cell is one chain consolidate -> shear to 4 % strain with one or two parameters changed.  It is held against the same
-physical case at half the step or less, a third of the rate or less, with the grains' own inertia and the standard
-servo: e and Z of the consolidated packing against those of five other packings, and then, sheared from the cell's own
-packing (so that two packings' difference is not taken for an error), eta over 0.5-4 % strain, e at its end and Z over
-2-4 %.  All within LIMITS: *right*.  A stage that ended with a stated reason: *refused*.  Everything else, a crash
-included, is *wrong*, and the script exits with 1.  The verdict is given when the table is made, from the numbers kept.
+physical case with the grains' own inertia and the standard servo: e and Z of the consolidated packing against those of
+three other packings at half the step, and then, sheared at half the cell's step or less and a third of its rate or less
+from the cell's own packing (so that two packings' difference is not taken for an error), eta over 0.5-4 % strain, e at
+its end and Z over 2-4 %.  All within LIMITS: *right*.  A stage that ended with a stated reason: *refused*.  Everything
+else, a crash included, is *wrong*, and the script exits with 1.  The verdict is given when the table is made, from the
+numbers kept.
 """
 
 from __future__ import annotations
@@ -57,7 +58,7 @@ LIMITS = {"eta": 0.05, "e": 0.006, "Z": 0.06}
 #: e_0 and Z_0 are of another packing than the reference's: so many standard deviations, pooled over the whole map.
 SIGMAS = 3.0
 #: Packings behind a reference's e_0 and Z_0; the cells have packing 1.
-PACKINGS = (2, 3, 4, 5, 6)
+PACKINGS = (2, 3, 4)
 
 STEP = (0.2, 0.3, 0.4, 0.6, 0.8, 0.9, 1.0, 1.05, 1.1, 1.15, 1.2, 1.3, 1.5, 2.0, 3.0)
 STEP_OWN = (0.2, 0.5, 0.8, 1.0, 1.1, 1.2, 1.5, 3.0)
@@ -177,7 +178,8 @@ def measured(case: dict) -> dict:
     row |= mine | told | initial(start)
     try:
         reference = sheared(start, fine)[0]
-        others = pd.DataFrame([initial(consolidated(fine | {"seed": seed})) for seed in PACKINGS])
+        calm = fine | {"timestep_factor": 0.5}
+        others = pd.DataFrame([initial(consolidated(calm | {"seed": seed})) for seed in PACKINGS])
     except (RunFailed, RunCrashed) as error:
         return row | {"outcome": "wrong", "reason": f"its reference failed: {error}"}
     row |= {f"{k}_reference": v for k, v in (reference | others.mean().to_dict()).items()}

@@ -20,35 +20,39 @@ def costs(rows: pd.DataFrame, settings: dict[str, dict], points: dict[str, tuple
 
     The plan of that campaign has the rate, step and size of every run; what the benchmark's runs took over what the
     plan says of them corrects it, for shear and probe apart (consolidation, three runs, as shear).  The paper's
-    protocol has 23,312 spheres with their own inertia at I = 1e-4 and a consolidation a point; its particle-steps are
-    taken at the rate of LAMMPS' bare loop over 27,000 spheres.  `ratio`: how many times dearer it is.
+    protocol has 23,312 spheres with their own inertia at I = 1e-4 and a consolidation a point; its particle-steps, all
+    corrected as the reference's shear runs, are taken at the rate of LAMMPS' bare loop over 27,000 spheres, without
+    servo and record, while ours are whole runs, as many at once as the benchmark had.  `ratio`: how many times dearer
+    it is.
 
-    settings: name -> what the shear runs of its rows were given; points: name -> (mu_s, G_p in Pa).
+    settings: name -> what its campaign would be given; points: name -> (mu_s, G_p in Pa).
     """
     good = rows[rows.failure.isna()]
     paper = read_config(ROOT / "campaign" / "paper.toml")
     all_points = pd.read_csv(ROOT / "data" / "laptop" / "points.csv").to_dict("records")
 
-    def model(some, stage: str, seconds: bool) -> float:
-        """Steps, or CPU seconds, that the plan has for these rows together."""
-        return sum(_planned(row, stage, settings[row.setting], points[row.point], seconds) for row in some.itertuples())
+    def over_plan(some, stage: str, taken: pd.Series, seconds: bool) -> float:
+        """What these rows took together over the steps, or CPU seconds, that the plan has for them."""
+        planned = (_planned(row, stage, settings[row.setting], points[row.point], seconds) for row in some.itertuples())
+        return taken.sum() / sum(planned)
 
     out = []
     for setting in (s for s in COSTED if (good.setting == s).any()):
         some, plan = good[good.setting == setting], make_rows(_config(paper, settings[setting]), all_points)
-        over = {"shear": some.cpu_seconds.sum() / model(some, "shear", True),
-                "probe": some.probe_cpu_seconds.sum() / model(some, "probe", True)}  # fmt: skip
-        over["consolidate"] = over["shear"]
-        hours = {stage: over[stage] * sum(r.cpu_seconds for r in plan if r.stage == stage) / 3600 for stage in STAGES}
-        steps = sum(r.particle_steps for r in plan)
-        out.append({"campaign": setting, "runs": len(plan), "particle_steps": steps, **hours,
-                    "core_hours": sum(hours.values()), "cpu_over_plan": over["shear"]})  # fmt: skip
+        over = {"shear": over_plan(some, "shear", some.cpu_seconds, True),
+                "probe": over_plan(some, "probe", some.probe_cpu_seconds, True)}  # fmt: skip
+        steps = {"shear": over_plan(some, "shear", some.steps, False),
+                 "probe": over_plan(some, "probe", some.probe_steps, False)}  # fmt: skip
+        hours = {s: over.get(s, over["shear"]) * sum(r.cpu_seconds for r in plan if r.stage == s) / 3600
+                 for s in STAGES}  # fmt: skip
+        particle_steps = sum(steps.get(r.stage, steps["shear"]) * r.particle_steps for r in plan)
+        out.append({"campaign": setting, "runs": len(plan), "particle_steps": particle_steps, **hours,
+                    "core_hours": sum(hours.values())})  # fmt: skip
     slow = good[good.setting == OWN_INERTIA]
     if len(slow) and LAMMPS.exists():
         loops = pd.read_csv(LAMMPS).query("run == 'bare loop'").sort_values("N")
         plan = make_rows(paper, all_points)
-        over = slow.steps.sum() / model(slow, "shear", False)
-        steps = over * sum(r.particle_steps for r in plan)
+        steps = over_plan(slow, "shear", slow.steps, False) * sum(r.particle_steps for r in plan)
         hours = steps / loops.particle_steps_per_cpu_second.iloc[-1] / 3600
         out.append({"campaign": "the paper's protocol, LAMMPS", "runs": len(plan), "particle_steps": steps,
                     "core_hours": hours})  # fmt: skip

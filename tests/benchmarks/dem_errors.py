@@ -34,6 +34,9 @@ SPREAD, BIAS_LIMIT, SPREAD_LIMIT = "high - low", 0.02, 0.05
 def summarise(rows: pd.DataFrame, folder: Path | None) -> None:
     """Print the biases with their 95 % half widths, in %; with a folder, put the table and its figure there."""
     table = pd.concat([errors(rows, REFERENCE), errors(rows, BASE)])
+    if not len(table):
+        print("no two settings have a case in common yet, so there is no table of errors")
+        return
     if folder:
         table.to_csv(folder / "dem_errors.csv", index=False, float_format="%.5g")
         draw(table[table.against == REFERENCE], folder / "dem_errors.png")
@@ -46,9 +49,10 @@ def summarise(rows: pd.DataFrame, folder: Path | None) -> None:
 def errors(rows: pd.DataFrame, against: str) -> pd.DataFrame:
     """Relative bias of every setting and response against another setting, its 95 % half width, scatter and cost.
 
-    A pair is the same packing, density and point.  `of` tells what is compared: the mean of all points, one point, or
-    the difference between the high and the low one, which carries the propagation.  What is independent are the
-    packings: half width and scatter are those between them.  `within`: the whole interval lies inside the limit (yes),
+    A pair is the same packing, density and point; one that lacks a value of either setting is left out.  `of` tells
+    what is compared: the mean of all points, one point, or the difference between the high and the low one, which
+    carries the propagation.  Half width and scatter are those of packings (each point has another density in each), and
+    relative to the other setting's mean over the densities.  `within`: the whole interval lies inside the limit (yes),
     outside (no), or neither (open).
     """
     good, out = rows[rows.failure.isna()], []
@@ -56,14 +60,18 @@ def errors(rows: pd.DataFrame, against: str) -> pd.DataFrame:
     for setting in (name for name in dict.fromkeys(rows.setting) if name != against):
         some = good[good.setting == setting].set_index(CASE)
         common = some.index.intersection(base.index)
+        if not len(common):
+            continue
         some, other = some.loc[common], base.loc[common]
         told = {"setting": setting, "against": against, "cases": len(common),
                 "failed": int((rows.setting == setting).sum() - (good.setting == setting).sum())}  # fmt: skip
         cost = {"steps": some.steps.mean(), "particle_steps": some.particle_steps.mean(),
                 "particle_steps_ratio": some.particle_steps.sum() / other.particle_steps.sum()}  # fmt: skip
-        for name in RESPONSES if len(common) else ():
-            theirs = _contrasts(other[name])
-            relative = (_contrasts(some[name]) - theirs) / theirs.mean()
+        for name in RESPONSES:
+            off = (some[name] - other[name]).dropna()
+            differences = contrasts(off.groupby(["packing", "point"]).mean().unstack("point"))
+            level = other[name][off.index].groupby(["mu_iso", "point"]).mean().unstack("point").mean()
+            relative = differences / contrasts(level.to_frame().T).iloc[0]
             for of in relative:
                 bias, n = relative[of].mean(), relative[of].count()
                 scatter = relative[of].std(ddof=1)
@@ -75,18 +83,18 @@ def errors(rows: pd.DataFrame, against: str) -> pd.DataFrame:
     return pd.DataFrame(out)
 
 
-def _contrasts(values: pd.Series) -> pd.DataFrame:
-    """What is compared, a packing a row: the mean of its points, each point, and the high one minus the low one."""
-    points = values.groupby(["packing", "point"]).mean().unstack("point")
+def contrasts(points: pd.DataFrame) -> pd.DataFrame:
+    """What is compared, beside the points (a column each): their mean, and the high one minus the low one."""
     out = points.assign(all=points.mean(axis=1))
     return out.assign(**{SPREAD: points["high"] - points["low"]}) if {"high", "low"} <= set(points) else out
 
 
 def draw(table: pd.DataFrame, path: Path) -> None:
-    """Largest |bias| of the main responses against particle-steps, with the Pareto front."""
+    """Largest |bias| of the main responses over all points against particle-steps, with the Pareto front."""
     fig, ax = plt.subplots(figsize=(6.4, 4.2), constrained_layout=True)
     main = table[table.response.isin(MAIN) & (table.of == "all")]
-    worst = main.assign(size=main.bias.abs()).sort_values("size").groupby("setting").last()
+    main = main.assign(size=main.bias.abs()).dropna(subset="bias").sort_values("size")
+    worst = main.groupby("setting").tail(1).set_index("setting")
     ax.errorbar(
         worst.particle_steps,
         100 * worst["size"],
@@ -107,7 +115,7 @@ def draw(table: pd.DataFrame, path: Path) -> None:
     front = front[front["size"].cummin() == front["size"]]
     ax.plot(front.particle_steps, 100 * front["size"], color="#d1495b", lw=1, label="Pareto front")
     ax.set(xscale="log", xlabel="particle-steps of a shear run", ylabel="largest bias against the reference (%)")
-    ax.set_title("Bias of peak and critical $\\eta$, critical $e$ and $Z$; bars: 95 %", fontsize=10)
+    ax.set_title("Bias of peak and critical $\\eta$, critical $e$ and $Z$, mean of all points; bars: 95 %", fontsize=10)
     ax.legend(frameon=False)
     fig.savefig(path, dpi=130)
     plt.close(fig)
