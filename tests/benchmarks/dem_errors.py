@@ -84,8 +84,8 @@ def errors(rows: pd.DataFrame, against: str) -> pd.DataFrame:
 
 
 def contrasts(points: pd.DataFrame) -> pd.DataFrame:
-    """What is compared, beside the points (a column each): their mean, and the high one minus the low one."""
-    out = points.assign(all=points.mean(axis=1))
+    """What is compared, beside the points (a column each): the mean of all, and the high one minus the low one."""
+    out = points.assign(all=points.mean(axis=1, skipna=False))
     return out.assign(**{SPREAD: points["high"] - points["low"]}) if {"high", "low"} <= set(points) else out
 
 
