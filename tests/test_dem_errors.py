@@ -41,17 +41,19 @@ def found(frame, of):
 def test_bias_of_all_points_and_of_the_spread_are_found_apart():
     """Though no point meets every density equally often, the spread is over the means of densities."""
     flat, steep = rows(base=0.03), rows(spread=0.1)
-    assert found(flat, "all").bias == pytest.approx(0.03, abs=0.003) and found(flat, "all").packings == 5
+    assert found(flat, "all").bias == pytest.approx(0.03, abs=0.003) and found(flat, "all").cases == 15
     assert found(steep, "all").bias == pytest.approx(0.0, abs=1e-12)
     assert found(steep, "high - low").bias == pytest.approx(0.1) and found(steep, "high - low").within == "no"
     assert {found(steep, of).limit for of in ("high", "high - low")} == {0.02, 0.05}
 
 
-def test_half_width_is_that_of_packings_and_covers():
-    """Nineteen intervals of twenty hold a bias that is not there."""
-    inside = [abs(row.bias) <= row.bias_half_width for row in (found(rows(scatter=0.03, seed=k), "all")
-                                                               for k in range(40))]  # fmt: skip
-    assert np.mean(inside) >= 0.85
+@pytest.mark.parametrize("of", ["all", "low", "high - low"])
+def test_intervals_cover(of):
+    """Nineteen of twenty hold a bias that is not there, and their half width is what the scatter of pairs gives."""
+    several = [found(rows(scatter=0.03, seed=k), of) for k in range(40)]
+    assert np.mean([abs(row.bias) <= row.bias_half_width for row in several]) >= 0.85
+    error = {"all": 0.03 / 15**0.5 / 0.74, "low": 0.03 / 5**0.5 / 0.64, "high - low": 0.03 * 0.4**0.5 / 0.2}[of]
+    assert np.std([row.bias for row in several]) == pytest.approx(error, rel=0.3)
 
 
 def test_a_setting_is_compared_over_the_cases_that_it_shares():
@@ -67,7 +69,7 @@ def test_a_setting_is_compared_over_the_cases_that_it_shares():
 def test_a_value_that_one_setting_lacks_drops_the_pair(tmp_path):
     frame = rows(base=0.03)
     frame.loc[(frame.setting == "base") & (frame.point == "low") & (frame.packing == 1), "eta_critical"] = np.nan
-    assert found(frame, "low").packings == 4 and found(frame, "low").bias == pytest.approx(0.03, abs=0.003)
+    assert found(frame, "low").cases == 4 and found(frame, "low").bias == pytest.approx(0.03, abs=0.003)
     dem_errors.summarise(frame[frame.setting == "base"], tmp_path)
     assert not list(tmp_path.iterdir())
 

@@ -50,10 +50,10 @@ def errors(rows: pd.DataFrame, against: str) -> pd.DataFrame:
     """Relative bias of every setting and response against another setting, its 95 % half width, scatter and cost.
 
     A pair is the same packing, density and point; one that lacks a value of either setting is left out.  `of` tells
-    what is compared: the mean of all points, one point, or the difference between the high and the low one, which
-    carries the propagation.  Half width and scatter are those of packings (each point has another density in each), and
-    relative to the other setting's mean over the densities.  `within`: the whole interval lies inside the limit (yes),
-    outside (no), or neither (open).
+    what is compared: the mean of the points, one point, or the difference between the high and the low one, which
+    carries the propagation; all relative to the other setting's mean over the densities.  Pairs count as independent:
+    each of the fifteen has a consolidation of its own.  `scatter` is a single pair's.  `within`: the whole interval
+    lies inside the limit (yes), outside (no), or neither (open).
     """
     good, out = rows[rows.failure.isna()], []
     base = good[good.setting == against].set_index(CASE)
@@ -63,30 +63,37 @@ def errors(rows: pd.DataFrame, against: str) -> pd.DataFrame:
         if not len(common):
             continue
         some, other = some.loc[common], base.loc[common]
-        told = {"setting": setting, "against": against, "cases": len(common),
+        told = {"setting": setting, "against": against,
                 "failed": int((rows.setting == setting).sum() - (good.setting == setting).sum())}  # fmt: skip
         cost = {"steps": some.steps.mean(), "particle_steps": some.particle_steps.mean(),
                 "particle_steps_ratio": some.particle_steps.sum() / other.particle_steps.sum()}  # fmt: skip
         for name in RESPONSES:
             off = (some[name] - other[name]).dropna()
-            differences = contrasts(off.groupby(["packing", "point"]).mean().unstack("point"))
             level = other[name][off.index].groupby(["mu_iso", "point"]).mean().unstack("point").mean()
-            relative = differences / contrasts(level.to_frame().T).iloc[0]
-            for of in relative:
-                bias, n = relative[of].mean(), relative[of].count()
-                scatter = relative[of].std(ddof=1)
-                half = t.ppf(0.975, n - 1) * scatter / np.sqrt(n) if n > 1 else np.nan
+            for of, weights in contrasts(level.index).items():
+                bias, half, scatter, n = _estimate(off, weights, (weights * level).sum())
                 limit = SPREAD_LIMIT if of == SPREAD else BIAS_LIMIT
                 within = "yes" if abs(bias) + half <= limit else "no" if abs(bias) - half > limit else "open"
-                out.append(told | {"response": name, "of": of, "packings": n, "bias": bias, "bias_half_width": half,
+                out.append(told | {"response": name, "of": of, "cases": n, "bias": bias, "bias_half_width": half,
                                    "scatter": scatter, "limit": limit, "within": within} | cost)  # fmt: skip
     return pd.DataFrame(out)
 
 
-def contrasts(points: pd.DataFrame) -> pd.DataFrame:
-    """What is compared, beside the points (a column each): the mean of all, and the high one minus the low one."""
-    out = points.assign(all=points.mean(axis=1, skipna=False))
-    return out.assign(**{SPREAD: points["high"] - points["low"]}) if {"high", "low"} <= set(points) else out
+def contrasts(points) -> dict[str, pd.Series]:
+    """What is compared: weights of the points in their mean, in each alone, and in the high one minus the low one."""
+    zero = pd.Series(0.0, index=points)
+    out = {"all": zero + 1 / len(points)} | {point: zero + (zero.index == point) for point in points}
+    return out | ({SPREAD: zero + (points == "high") - (points == "low")} if {"high", "low"} <= set(points) else {})
+
+
+def _estimate(off: pd.Series, weights: pd.Series, level: float):
+    """Bias over the level, its half width, a single pair's scatter, and pairs: a weighted sum of the points' means."""
+    used = off[off.index.get_level_values("point").isin(weights.index[weights != 0])].groupby("point")
+    variance, count, weights = used.var(ddof=1), used.count(), weights[weights != 0]
+    freedom = int((count - 1).sum())
+    error = np.sqrt((weights**2 * variance / count).sum(skipna=False)) / abs(level)
+    half = t.ppf(0.975, freedom) * error if freedom else np.nan
+    return (weights * used.mean()).sum() / level, half, np.sqrt(variance.mean()) / abs(level), int(count.sum())
 
 
 def draw(table: pd.DataFrame, path: Path) -> None:
@@ -114,6 +121,7 @@ def draw(table: pd.DataFrame, path: Path) -> None:
     front = worst.sort_values("particle_steps")
     front = front[front["size"].cummin() == front["size"]]
     ax.plot(front.particle_steps, 100 * front["size"], color="#d1495b", lw=1, label="Pareto front")
+    ax.margins(x=0.2)
     ax.set(xscale="log", xlabel="particle-steps of a shear run", ylabel="largest bias against the reference (%)")
     ax.set_title("Bias of peak and critical $\\eta$, critical $e$ and $Z$, mean of all points; bars: 95 %", fontsize=10)
     ax.legend(frameon=False)
