@@ -166,6 +166,12 @@ def predicted_cost(rows: list[Row]) -> dict[str, dict]:
     return cost
 
 
+def collapsing(rows: list[Row]) -> dict[float, int]:
+    """mu_iso -> points whose mu_s is lower: what held the packing up in consolidation is then taken away."""
+    lower = {(r.mu_iso, r.point) for r in rows if r.family == "coupled" and r.mu_s < r.mu_iso}
+    return {mu_iso: sum(m == mu_iso for m, _ in lower) for mu_iso in sorted({m for m, _ in lower})}
+
+
 PLAN_COLUMNS = ("run_id", "stage", "family", "point", "packing", "mu_iso", "mu_s", "G_p", "product", "start", "steps",
                 "particle_steps", "cpu_seconds")  # fmt: skip
 

@@ -8,7 +8,7 @@ import pytest
 import synthetic_runs
 
 from campaign.config import parse_config, read_config
-from campaign.plan import make_rows, predicted_cost, predicted_steps, table_line, write_plan, yade_table
+from campaign.plan import collapsing, make_rows, predicted_cost, predicted_steps, table_line, write_plan, yade_table
 from campaign.prepare import PlanError, prepare, read_planned_points
 from campaign.row import read_task
 
@@ -117,6 +117,13 @@ def test_cost_adds_up():
     for what in ("runs", "particle_steps", "core_hours"):
         assert cost["total"][what] == pytest.approx(sum(cost[s][what] for s in ("consolidate", "probe", "shear")))
     assert cost["total"]["runs"] == len(rows)
+
+
+def test_points_whose_friction_is_below_that_of_consolidation_are_counted():
+    rows = rows_of("[consolidation]\nmu_iso = [0.0, 0.2, 1.0]")
+    points = {r.point: r.mu_s for r in rows if r.stage == "shear"}
+    lower = {mu_iso: sum(mu_s < mu_iso for mu_s in points.values()) for mu_iso in (0.2, 1.0)}
+    assert collapsing(rows) == {mu_iso: count for mu_iso, count in lower.items() if count} and lower[1.0] == len(points)
 
 
 def test_table_gives_every_value_back_in_full(tmp_path):
