@@ -111,3 +111,13 @@ def test_bad_files_are_named(tmp_path):
     path.write_bytes(path.read_bytes()[:3000])
     with pytest.raises(AssemblyError, match="a.h5: truncated"):
         read_assembly(path)
+
+
+def test_a_start_squeezed_denser_than_loose_is_refused(tmp_path):
+    """Grains blown up until they overlap cannot be consolidated: file, solid fraction and limit are named."""
+    loose = make_assembly(100, 0.248e-3, 0.174, 1)
+    write_assembly(tmp_path / "loose.h5", loose, {})
+    assert len(read_assembly(tmp_path / "loose.h5").radius) == 100
+    write_assembly(tmp_path / "squeezed.h5", Assembly(loose.position / 1.06, loose.radius, loose.cell / 1.06), {})
+    with pytest.raises(AssemblyError, match=r"squeezed.h5: solid fraction 0\.619 > 0\.6"):
+        read_assembly(tmp_path / "squeezed.h5")

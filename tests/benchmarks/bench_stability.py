@@ -174,7 +174,7 @@ def measured(case: dict) -> dict:
     except (RunCrashed, RunStopped) as error:
         return row | {"outcome": "wrong", "reason": f"crashed or stopped: {error}"}
     except (RunFailed, AssemblyError) as error:
-        return row | {"outcome": "refused", "reason": str(error)}
+        return row | {"outcome": "refused", "reason": str(error).replace(f"{BUILD}/", "")}
     row |= mine | told | initial(start)
     try:
         reference = sheared(start, fine)[0]
