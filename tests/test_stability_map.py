@@ -50,6 +50,30 @@ def test_a_wrong_number_is_named():
     assert found.loc[4, ["outcome", "reason"]].tolist() == ["wrong", "Z_0"]
 
 
+def test_cells_whose_shear_is_off_are_judged_by_the_mean_of_repeats(monkeypatch):
+    """One cell scatters and one is wrong; a refused repeat is left out, and a wrong start is not repeated."""
+    frame = rows(6).assign(second="", repeats=1)
+    frame["axis"], frame["value"] = "friction", ["0.03", "0.06", "0.1", "0.15", "0.4", "0.65"]
+    for k, name in ((1, "eta"), (4, "eta"), (2, "e_0")):
+        frame.loc[k, name] = 1.4 * frame.loc[k, f"{name}_reference"]
+    judged = bench_stability.judged(frame)
+    assert judged.outcome.tolist() == ["right", "wrong", "wrong", "right", "wrong", "right"]
+    calls = []
+
+    def sheared(start, case):
+        calls.append(case["mu_s"])
+        if len(calls) == 2:
+            raise bench_stability.RunFailed("servo")
+        cell = case["density_scaling"] == 1
+        return {"eta": 0.7 * (1.4 if cell and case["mu_s"] == 0.4 else 1.0), "e": 0.6, "Z": 4.5}, {}
+
+    monkeypatch.setattr(bench_stability, "sheared", sheared)
+    monkeypatch.setattr(bench_stability, "consolidated", lambda case: None)
+    found = bench_stability.judged(bench_stability.repeated(judged, 1))
+    assert found.outcome.tolist() == ["right", "right", "wrong", "right", "wrong", "right"]
+    assert set(calls) == {0.06, 0.4} and found.repeats.tolist() == [1, 5, 1, 1, 5, 1]
+
+
 def test_refused_and_crashed_cells_stay_as_they_ended():
     ends = pd.DataFrame([{"N": 200, "outcome": "refused", "reason": "too fast"},
                          {"N": 200, "outcome": "wrong", "reason": "crashed: signal"}])  # fmt: skip
