@@ -9,6 +9,7 @@ import numpy as np
 
 from analysis import paper, report_text, report_trust, tables, trust, webpage
 from analysis.claims import HELD, NOT_HELD, OPEN
+from analysis.collapse import largest_loss
 from analysis.figures import FIGURES, write_figures
 from analysis.quantities import QUANTITIES
 from analysis.results import read_results
@@ -145,7 +146,7 @@ def _initial(results):
         "The state after consolidation, as the paper's Table 3 has it; where one consolidation serves all points, its "
         "COV is the scatter between packings, the paper's that of its 100 points. Beside it the average over the "
         "points before shear, each at rest again with its own friction and modulus: where friction is below that of "
-        f"consolidation, a packing collapses, its void ratio by up to {_collapse(results):.1%}." + (
+        f"consolidation, a packing collapses, its void ratio by up to {largest_loss(results):.1%}." + (
         f" The largest difference to the paper's Table 3 is {worst['difference (%)']:+.1f} % "
         f"({_sign(worst['quantity'])} at mu_iso = {worst['mu_iso']:g})."
         if worst is not None
@@ -163,13 +164,6 @@ def _initial(results):
     return webpage.paragraph(text) + webpage.table(
         shown, "Table 3. Initial soil state: means, COV in brackets", digits=2
     )
-
-
-def _collapse(results):
-    """Largest share of its void ratio that a point's packing loses between consolidation and shear."""
-    means = {mu_iso: results.consolidated("e", mu_iso) for mu_iso in results.family_densities()}
-    return max((1 - np.nanmin(results.state("initial", "e", mu_iso)) / (found @ share)
-                for mu_iso, (found, share) in means.items() if len(found)), default=0.0)  # fmt: skip
 
 
 def _peak_critical(results):

@@ -11,6 +11,7 @@ import pandas as pd
 from analysis import paper, weighted
 from analysis.archive import CONSOLIDATED
 from analysis.claims import claims_table
+from analysis.collapse import collapsed_runs
 from analysis.design import design_table
 from analysis.friction_effect import friction_table
 from analysis.input_bands import input_bands
@@ -117,8 +118,8 @@ def peak_critical(results) -> pd.DataFrame:
 
 
 def runs(results) -> pd.DataFrame:
-    """One row per run of the plan: what became of it, its cost and its proofs."""
-    return results.runs
+    """One row per run of the plan: what became of it, its cost and its proofs, and whether its packing collapsed."""
+    return results.runs.assign(collapsed=collapsed_runs(results))
 
 
 def points(results) -> pd.DataFrame:

@@ -167,7 +167,7 @@ def predicted_cost(rows: list[Row]) -> dict[str, dict]:
 
 
 def collapsing(rows: list[Row]) -> dict[float, int]:
-    """mu_iso -> points whose mu_s is lower: what held the packing up in consolidation is then taken away."""
+    """mu_iso -> how many points' packings collapse to a denser one when the grains take on their own friction."""
     lower = {(r.mu_iso, r.point) for r in rows if r.family == "coupled" and r.mu_s < r.mu_iso}
     return {mu_iso: sum(m == mu_iso for m, _ in lower) for mu_iso in sorted({m for m, _ in lower})}
 

@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 import synthetic_results as synthetic
 
-from analysis import report, report_text, report_trust, trust, webpage, weighted
+from analysis import report, report_text, report_trust, tables, trust, webpage, weighted
 from analysis.figures import FIGURES
 from analysis.responses import build_results
 from analysis.results import read_results
@@ -101,6 +101,15 @@ def test_failures_and_early_stops_are_said_with_their_numbers(tmp_path):
     names = ["planned", "done", "failed", "spared", "steady early"]
     assert list(counts.loc["shear", names]) == [18, 15, 3, 0, 3] and list(counts.loc["all", names]) == [39, 36, 3, 0, 3]
     assert counts.loc["shear", "core-hours"] == pytest.approx(15 * 2.0 / 3600)
+
+
+def test_runs_on_collapsed_packings_are_marked_and_counted(tmp_path):
+    plan, points, settings = synthetic.make_campaign(tmp_path, n=6)
+    assert points.loc[points["mu_s"] < 0.1, "id"].tolist() == [3] and points["mu_s"].min() > 0.04
+    results = read_results(build_results(tmp_path, plan, points, settings))
+    marked = tables.runs(results).query("collapsed")
+    assert marked[["stage", "point", "mu_iso"]].to_numpy().tolist() == [["probe", 3, 0.1], ["shear", 3, 0.1]]
+    assert "2 probes and shear runs start from a collapsed packing" in " ".join(report_text.run_notes(results))
 
 
 def test_noise_and_widths_are_told(results):
