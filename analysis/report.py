@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis import paper, report_text, report_trust, tables, trust, webpage
+from analysis import paper, published_shear, report_text, report_trust, tables, trust, webpage
 from analysis.claims import HELD, NOT_HELD, OPEN
 from analysis.collapse import largest_loss
 from analysis.figures import FIGURES, write_figures
@@ -209,8 +209,12 @@ def _friction(results, figures):
     shown = shown.pivot(index=["mu_s", "G_p (GPa)"], columns="mu_iso", values="text")
     shown.columns = [f"mu_iso = {mu_iso:g}" for mu_iso in shown.columns]
     caption = "Critical stress ratio along interparticle friction, from all points (± 95 %)"
-    return (pictures + webpage.table(shown.reset_index(), caption)
-            + webpage.paragraph(report_text.density_at_a_friction(frame)))  # fmt: skip
+    parts = [pictures, webpage.table(shown.reset_index(), caption)]
+    parts.append(webpage.paragraph(report_text.density_at_a_friction(frame)))
+    published = published_shear.beside_published(frame)
+    if len(published):
+        parts.append(webpage.paragraph(report_text.published_shear(published)))
+    return "".join(parts)
 
 
 def open_inputs(results) -> str:

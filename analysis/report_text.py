@@ -10,6 +10,7 @@ from analysis import packings, paper, weighted
 from analysis.claims import HELD, NOT_HELD, OPEN
 from analysis.collapse import collapsed_runs
 from analysis.packing_noise import common_error
+from analysis.published_shear import SOURCE, SURFACES
 from analysis.quantities import QUANTITIES
 from analysis.run_states import OFF, PUSHED
 from analysis.tables import parameter
@@ -85,6 +86,19 @@ def density_at_a_friction(frame) -> str:
         f"{off:.1f} % of their mean, known to ± {wide:.1f} % at worst: {beyond or 'none'} of {len(told)} differences "
         f"{'lies' if beyond == 1 else 'lie'} beyond their single 95 % intervals (neighbouring frictions share a "
         "surface and go together)."
+    )
+
+
+def published_shear(frame) -> str:
+    """Published critical states of spheres beside this campaign's, from `published_shear.beside_published`'s rows."""
+    parts = []
+    for row in frame.to_dict("records"):
+        by = " and ".join(f"{row[name]:.3f} ({row[f'off {name} (%)']:+.1f} %)" for name in SURFACES)
+        parts.append(f"{row['here']:.3f} here against {by} at μ_s = {row['mu_s']:g}")
+    return (
+        f"Published for spheres in slow simple shear ({SOURCE}), brought to triaxial compression on the critical "
+        f"surface of {' and of '.join(SURFACES)} (in brackets what this campaign is off by): {'; '.join(parts)}. Those "
+        "are spheres of another grading and contact law."
     )
 
 
