@@ -1,7 +1,8 @@
-"""What the DEM protocol claims of its runs, measured: cost over a bare loop, the servo, round-off.
+"""What the DEM protocol claims of its runs, measured: cost over a bare loop, the servo, energy balance, round-off.
 
     python3 tests/benchmarks/bench_protocol.py overhead     CPU time of a shear run over a bare loop's (2 minutes)
     python3 tests/benchmarks/bench_protocol.py servo        sigma_3 held, for N from 500 to 8,000 (15 minutes)
+    python3 tests/benchmarks/bench_protocol.py energy       energy balance against step and friction (5 minutes)
     python3 tests/benchmarks/bench_protocol.py roundoff     the same runs in double and in long double (5 minutes)
 
 Times are CPU times of one core; runs that are there are not repeated.  Each writes data/benchmarks/protocol_<word>.csv.
@@ -20,6 +21,7 @@ from bench_stability import BASE, consolidated, initial, sheared
 from dem_runs import ROOT, RunCrashed, RunFailed, assembly, chain, run
 
 from analysis.runfile import read_run
+from analysis.triaxial import stress_ratio
 from campaign.row import closed_doors
 
 G_P = 25.7e9
@@ -67,6 +69,23 @@ def servo(jobs: int) -> pd.DataFrame:
     return _all(one, cases, jobs)
 
 
+def energy(jobs: int) -> pd.DataFrame:
+    """The error of the energy balance of shear to 5 % strain, over the work put in, at shares of a campaign's step."""
+    cases = [(mu_s, step) for step in (0.25, 0.35, 0.5, 0.7, 1.0) for mu_s in (0.10, 0.25, 0.50, 0.70)]
+
+    def one(case):
+        mu_s, step = case
+        first = run("consolidate", assembly=assembly(500, 1), mu_iso=0.04, G_p=G_P, seed=1)
+        values = CAMPAIGN | {"timestep_factor": step, "mu_s": mu_s, "G_p": G_P, "strain_end": 0.05}
+        shear = read_run(run("shear", start=first, **values))
+        eta = stress_ratio(shear.record["sigma"])
+        return {"mu_s": mu_s, "timestep_factor": step, "steps": int(shear.timing["steps"]),
+                "energy_error": float(shear.proofs["energy_error"]), "eta": float(eta[1:].mean()),
+                "Z": float(shear.record["Z"][1:].mean())}  # fmt: skip
+
+    return _all(one, cases, jobs)
+
+
 def roundoff(jobs: int) -> pd.DataFrame:
     """Consolidation and 4 % of shear of the stability map's middle, in double and in long double, three packings."""
     cases = [(seed, yade) for seed in (1, 2, 3) for yade in ("yade", "yade-longdouble")]
@@ -94,7 +113,7 @@ def _all(one, cases: list, jobs: int) -> pd.DataFrame:
 
 
 def main() -> None:
-    words = {f.__name__: f for f in (overhead, servo, roundoff)}
+    words = {f.__name__: f for f in (overhead, servo, energy, roundoff)}
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("what", nargs="+", choices=words)
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="runs at once")
