@@ -12,7 +12,7 @@ from campaign.plan import STAGES, make_rows, predicted_seconds, predicted_steps
 
 LAMMPS = ROOT / "data" / "benchmarks" / "lammps.csv"
 #: Settings whose campaign is costed, and the one whose steps tell how far the model of steps is off the paper's.
-COSTED, OWN_INERTIA = ("base", "N = 500", "N = 400"), "reference"
+COSTED, OWN_INERTIA = ("base", "stiffness 0.3", "N = 500", "N = 500, stiffness 0.3"), "reference"
 
 
 def costs(rows: pd.DataFrame, settings: dict[str, dict], points: dict[str, tuple]) -> pd.DataFrame:
@@ -69,7 +69,7 @@ def _config(paper: Config, values: dict) -> Config:
         consolidation=replace(paper.consolidation, per_point=False),
         shear=replace(paper.shear, inertial_number=values["inertial_number"]),
         dem=replace(paper.dem, timestep_factor=values["timestep_factor"],
-                    density_scaling=bool(values["density_scaling"])),
+                    density_scaling=bool(values["density_scaling"]), stiffness_scale=values["stiffness_scale"]),
     )  # fmt: skip
 
 
