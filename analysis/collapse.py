@@ -1,8 +1,8 @@
 """Packings that collapse: their grains take on less friction than the packing was consolidated with.
 
 What held the packing up is taken away, and it falls to a denser one.  No limit of equilibrium is broken on the way, but
-the packing found hangs on the grains' inertia too, as the stability map tells (data/benchmarks/stability.csv: `said`).
-So a plan counts such points, and a report its runs.
+how dense the packing becomes depends on the grains' inertia too, as the stability map tells
+(data/benchmarks/stability.csv, cells whose mu_s is below mu_iso).  So a plan counts such points, and a report its runs.
 """
 
 from __future__ import annotations

@@ -290,8 +290,8 @@ def run_notes(results) -> list[str]:
     if fallen:
         notes.append(
             f"{fallen} probes and shear runs start from a collapsed packing, their friction being below that of its "
-            "consolidation (collapsed in tables/runs.csv). To what it falls hangs on the grains' inertia too, in void "
-            "ratio by about 1 %."
+            "consolidation (collapsed in tables/runs.csv). How dense it becomes depends on the grains' inertia too: by "
+            "about 1 % in void ratio."
         )
     spared = int((runs["status"] == "spared").sum())
     if spared:

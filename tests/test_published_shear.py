@@ -18,6 +18,13 @@ def test_matsuoka_nakai_is_its_closed_form(ratio):
     assert in_triaxial_compression(ratio, "Matsuoka-Nakai") == pytest.approx(6 * sine / (3 - sine), rel=1e-9)
 
 
+@pytest.mark.parametrize("ratio", [0.01, 0.1, 0.268, 0.382, 0.6])
+def test_lade_duncan_is_its_closed_form(ratio):
+    """With x = eta / 3 in triaxial compression (1 + 2x) (1 - x)^2 = 1 - ratio^2."""
+    x = in_triaxial_compression(ratio, "Lade-Duncan") / 3
+    assert x * np.sqrt(3 - 2 * x) == pytest.approx(ratio, rel=1e-9)
+
+
 @pytest.mark.parametrize("surface", SURFACES)
 def test_every_surface_is_von_mises_for_small_ratios_and_grows(surface):
     """Near the hydrostat q = sqrt(3) tau; triaxial compression is the strong side, below Mohr-Coulomb's."""
