@@ -110,13 +110,15 @@ def draw(table: pd.DataFrame, path: Path) -> None:
         color="#30638e",
         capsize=3,
     )
-    for setting, row in worst.iterrows():
+    for k, (setting, row) in enumerate(worst.sort_values(["particle_steps", "size"]).iterrows()):
+        left = row.particle_steps > 0.6 * worst.particle_steps.max()
         ax.annotate(
             f"{setting} ({row.response.split('_')[0]})",
             (row.particle_steps, 100 * row["size"]),
-            fontsize=8,
-            xytext=(5, 4),
+            fontsize=7,
+            xytext=(-6 if left else 6, 5 if k % 2 else -11),
             textcoords="offset points",
+            ha="right" if left else "left",
         )
     front = worst.sort_values("particle_steps")
     front = front[front["size"].cummin() == front["size"]]
