@@ -7,13 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis import paper, published_shear, report_text, report_trust, tables, trust, webpage
+from analysis import paper, report_friction, report_text, report_trust, tables, trust, webpage
 from analysis.claims import HELD, NOT_HELD, OPEN
 from analysis.collapse import largest_loss
 from analysis.figures import FIGURES, write_figures
 from analysis.quantities import QUANTITIES
 from analysis.results import read_results
-from analysis.stopping import LEAST
 
 
 def write_report(results, folder) -> Path:
@@ -47,7 +46,7 @@ def sections(results, figures, name) -> list[tuple[str, str]]:
         ("Void ratios, coordination, fabric", _behaviour(results, figures)),
         ("Stiffness and dilatancy", _pictures(results, figures, "fig13")),
         ("Joint densities", _pictures(results, figures, "fig14", "fig15")),
-        ("What friction does", _friction(results, figures)),
+        ("What friction does", _pictures(results, figures, "fig16") + report_friction.friction(results)),
         ("Where the scatter comes from", report_trust.sources(results)),
         ("What the number of pairs leaves open", open_inputs(results)),
         ("Friction angles for design", report_trust.design(results)),
@@ -198,25 +197,6 @@ def _behaviour(results, figures):
     return _pictures(results, figures, "fig08", "fig09", "fig10", "fig11", "fig12") + shown
 
 
-def _friction(results, figures):
-    frame = tables.friction_table(results)
-    frame = frame[(frame["state"] == "critical") & (frame["quantity"] == QUANTITIES["eta"].heading)]
-    pictures = _pictures(results, figures, "fig16")
-    if not len(frame):
-        few = f"No table of single frictions: that takes {LEAST} points a density, with runs that reach one of them."
-        return pictures + webpage.paragraph(few)
-    shown = frame.assign(text=[_with_half(v, h) for v, h in zip(frame["value"], frame["± (95 %)"], strict=True)])
-    shown = shown.pivot(index=["mu_s", "G_p (GPa)"], columns="mu_iso", values="text")
-    shown.columns = [f"mu_iso = {mu_iso:g}" for mu_iso in shown.columns]
-    caption = "Critical stress ratio along interparticle friction, from all points (± 95 %)"
-    parts = [pictures, webpage.table(shown.reset_index(), caption)]
-    parts.append(webpage.paragraph(report_text.density_at_a_friction(frame)))
-    published = published_shear.beside_published(frame)
-    if len(published):
-        parts.append(webpage.paragraph(report_text.published_shear(published)))
-    return "".join(parts)
-
-
 def open_inputs(results) -> str:
     """HTML on what the number of pairs leaves open: moments with bands, or a sentence that there are none."""
     frame = tables.input_bands(results)
@@ -264,10 +244,6 @@ def _pictures(results, figures, *starts):
         if name.startswith(start)
     )
 
-
-def _with_half(value, half):
-    """A value with its half width, where there is one."""
-    return f"{value:.3f}" + (f" ± {half:.3f}" if np.isfinite(half) else "")
 
 
 def _with_cov(mean, cov):

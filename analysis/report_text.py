@@ -10,7 +10,6 @@ from analysis import packings, paper, weighted
 from analysis.claims import HELD, NOT_HELD, OPEN
 from analysis.collapse import collapsed_runs
 from analysis.packing_noise import common_error
-from analysis.published_shear import SOURCE, SURFACES
 from analysis.quantities import QUANTITIES
 from analysis.run_states import OFF, PUSHED
 from analysis.tables import parameter
@@ -68,38 +67,6 @@ SOURCES = (
     "(in the quantiles the runs' noise is put back); last, PDEM's densities along strain against such samples with "
     "the runs' noise."
 )
-
-
-def density_at_a_friction(frame) -> str:
-    """Whether the critical stress ratio at a friction depends on the initial density, from `friction_table`'s rows."""
-    if frame["mu_iso"].nunique() < 2:
-        return "There is one density, so what the initial density does cannot be told."
-    told = frame[frame["differs"].isin(["yes", "not shown"])]
-    if not len(told):
-        return "What the initial density does cannot be told: no replicate packings tell what a packing adds."
-    level = told["value"] - told["from the mean of densities"]
-    off = 100 * (told["from the mean of densities"] / level).abs().max()
-    wide = 100 * (told["± (95 %) of that"] / level).max()
-    beyond = int((told["differs"] == "yes").sum())
-    return (
-        "At the same friction the densities' critical stress ratios lie within "
-        f"{off:.1f} % of their mean, known to ± {wide:.1f} % at worst: {beyond or 'none'} of {len(told)} differences "
-        f"{'lies' if beyond == 1 else 'lie'} beyond their single 95 % intervals (neighbouring frictions share a "
-        "surface and go together)."
-    )
-
-
-def published_shear(frame) -> str:
-    """Published critical states of spheres beside this campaign's, from `published_shear.beside_published`'s rows."""
-    parts = []
-    for row in frame.to_dict("records"):
-        by = " and ".join(f"{row[name]:.3f} ({row[f'off {name} (%)']:+.1f} %)" for name in SURFACES)
-        parts.append(f"{row['here']:.3f} here against {by} at μ_s = {row['mu_s']:g}")
-    return (
-        f"Published for spheres in slow simple shear ({SOURCE}), brought to triaxial compression on the critical "
-        f"surface of {' and of '.join(SURFACES)} (in brackets what this campaign is off by): {'; '.join(parts)}. Those "
-        "are spheres of another grading and contact law."
-    )
 
 
 REPLAY = (
@@ -290,8 +257,8 @@ def run_notes(results) -> list[str]:
     if fallen:
         notes.append(
             f"{fallen} probes and shear runs start from a collapsed packing, their friction being below that of its "
-            "consolidation (collapsed in tables/runs.csv). How dense it becomes depends on the grains' inertia too: by "
-            "about 1 % in void ratio."
+            "consolidation (collapsed in tables/runs.csv). How dense it becomes depends on the grains' inertia too: in "
+            "the stability map, of 64 to 200 spheres, by less than 1 % in void ratio."
         )
     spared = int((runs["status"] == "spared").sum())
     if spared:

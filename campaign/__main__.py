@@ -100,7 +100,7 @@ def plan(config: Config, folder: Path, options) -> int:
         print(f"{stage:12}{cost['runs']:>8}{cost['particle_steps']:>18.2e}{cost['core_hours']:>12.2f}")
     for mu_iso, count in collapsing(rows).items():
         print(f"mu_iso = {mu_iso:g}: {count} of {len(points)} points have a lower mu_s; their packings collapse when "
-              "the grains take it on, and how far depends on the grains' inertia too (e: about 1 %)")  # fmt: skip
+              "the grains take it on, and how far depends on the grains' inertia too (e: by under 1 %)")  # fmt: skip
     return 0
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import synthetic_results as synthetic
 
-from analysis import friction_effect, packings, report
+from analysis import friction_effect, packings, report_friction
 from analysis.figures import friction
 from analysis.quantities import QUANTITIES
-from analysis.report_text import density_at_a_friction
+from analysis.report_friction import density_at_a_friction
 from analysis.responses import build_results
 from analysis.results import Results, read_results
 
@@ -76,7 +76,7 @@ def test_the_modulus_is_that_of_the_points_of_that_friction(campaign):
 
 
 def test_the_report_has_the_table_and_the_figure_its_curves(campaign):
-    html = report._friction(campaign, {})
+    html = report_friction.friction(campaign)
     assert "mu_iso = 0.04" in html and html.count("<tr") == 1 + critical_eta(campaign)["mu_s"].nunique()
     figure = friction.along(campaign)
     for axis in figure.axes:
@@ -87,7 +87,7 @@ def test_the_report_has_the_table_and_the_figure_its_curves(campaign):
 
 def test_few_points_one_packing_and_one_density_make_no_false_statement(tmp_path):
     few = read_results(synthetic.example())
-    assert not len(friction_effect.friction_table(few)) and "No table" in report._friction(few, {})
+    assert not len(friction_effect.friction_table(few)) and "No table" in report_friction.friction(few)
     assert all(len(axis.lines) == 3 for axis in friction.along(few).axes)
     frame = critical_eta(built(tmp_path / "packing", n=12, noise=0.02))
     assert len(frame) and set(frame["differs"]) == {""} and "replicate packings" in density_at_a_friction(frame)

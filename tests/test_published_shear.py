@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from analysis import report_text
 from analysis.published_shear import SIMPLE_SHEAR, SURFACES, beside_published, in_triaxial_compression
+from analysis.report_friction import published_words
 
 
 @pytest.mark.parametrize("ratio", [0.01, 0.1, 0.268, 0.382, 0.6])
@@ -40,4 +40,4 @@ def test_a_campaign_stands_beside_what_it_shares_with_the_publication():
     found = beside_published(pd.DataFrame(rows, columns=["state", "quantity", "mu_s", "value"]))
     assert found["mu_s"].tolist() == [0.1]
     assert found["off Lade-Duncan (%)"].to_numpy() == pytest.approx([6.0]) and found["here"][0] > eta[0.1]
-    assert "(+6.0 %)" in report_text.published_shear(found) and "at μ_s = 0.1." in report_text.published_shear(found)
+    assert "(+6.0 %)" in published_words(found) and "at μ_s = 0.1." in published_words(found)

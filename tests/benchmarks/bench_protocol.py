@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 from bench_stability import BASE, consolidated, initial, sheared
 from dem_runs import ROOT, RunCrashed, RunFailed, assembly, chain, run
+from scipy.stats import t
 
 from analysis.runfile import read_run
 from analysis.triaxial import stress_ratio
@@ -112,16 +113,45 @@ def _all(one, cases: list, jobs: int) -> pd.DataFrame:
         return pd.DataFrame(list(pool.map(row, cases)))
 
 
+def told_overhead(table: pd.DataFrame) -> str:
+    shear, bare = table["shear_cpu_seconds"], table["bare_cpu_seconds"]
+    return (f"over a bare loop: {shear.sum() / bare.sum():.2f} by the sums, {shear.min() / bare.min():.2f} by the "
+            f"least of each, {table['ratio'].min():.2f} to {table['ratio'].max():.2f} in single turns")  # fmt: skip
+
+
+def told_energy(table: pd.DataFrame) -> str:
+    runs = table.groupby("mu_s")
+    ranges = {name: ((runs[name].max() - runs[name].min()) / runs[name].mean()).max() for name in ("eta", "Z")}
+    return f"the steps of a friction differ by up to {ranges['eta']:.1%} in eta and {ranges['Z']:.1%} in Z"
+
+
+def told_roundoff(table: pd.DataFrame) -> str:
+    pairs = table.pivot(index="seed", columns="digits", values=["e_0", "Z_0", "eta", "e", "Z"])
+    off = pairs.xs("yade-longdouble", axis=1, level=1) / pairs.xs("yade", axis=1, level=1) - 1
+    wide = t.ppf(0.975, len(off) - 1) * off.sem()
+    words = ", ".join(f"{name} {100 * off[name].mean():+.1f} ± {100 * wide[name]:.1f}" for name in off)
+    return f"long double against double, mean of {len(off)} packings and 95 %: {words} %"
+
+
+#: What the README takes of a table, in words.
+TOLD = {"overhead": told_overhead, "energy": told_energy, "roundoff": told_roundoff}
+
+
 def main() -> None:
     words = {f.__name__: f for f in (overhead, servo, energy, roundoff)}
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("what", nargs="+", choices=words)
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="runs at once")
+    parser.add_argument("--table", action="store_true", help="only print the table there is")
     args = parser.parse_args()
     for word in args.what:
-        table = words[word](args.jobs)
-        table.to_csv(ROOT / "data" / "benchmarks" / f"protocol_{word}.csv", index=False, float_format="%.6g")
+        path = ROOT / "data" / "benchmarks" / f"protocol_{word}.csv"
+        if not args.table:
+            words[word](args.jobs).to_csv(path, index=False, float_format="%.6g")
+        table = pd.read_csv(path)
         print(table.to_string(index=False, float_format="%.4g"))
+        if word in TOLD:
+            print(TOLD[word](table))
 
 
 if __name__ == "__main__":

@@ -169,6 +169,11 @@ def main() -> None:
     pd.concat([others, rows]).to_csv(part, index=False, columns=COLUMNS, float_format="%.6g")
     part.replace(ROWS)
     print(rows.groupby(["axis", "outcome"]).size().unstack(fill_value=0).to_string())
+    many = rows[rows["repeats"] > 1]
+    off = pd.DataFrame({k: 100 * (many[k] / many[f"{k}_reference"] - 1) for k in SHEARED})
+    shown = off.join(100 * many[[f"{k}_error" for k in SHEARED]])
+    print("means of repeats, off by (%) and standard errors (%):")
+    print(many[["axis", "value", "second", "outcome", "pairs"]].join(shown).to_string(index=False, float_format="%.2f"))
     verdicts = ("right", "refused", "said", "open", "wrong")
     counts = ", ".join(f"{np.sum(rows.outcome == word)} {word}" for word in verdicts)
     print(f"{len(rows)} cells: {counts}; {old.sum()} rows of other code left out")

@@ -43,7 +43,12 @@ def summarise(rows: pd.DataFrame, folder: Path | None) -> None:
     words = [f"{100 * b:+.1f} ± {100 * h:.1f}" for b, h in zip(table.bias, table.bias_half_width, strict=True)]
     told = table.assign(words=words).pivot(index=["against", "setting", "of"], columns="response", values="words")
     print(told[list(RESPONSES)].to_string())
-    print("within the limits:", table.groupby("against").within.value_counts().to_dict())
+    main = table[(table.against == REFERENCE) & table.response.isin(MAIN)]
+    print(f"within the limits against {REFERENCE}, {', '.join(MAIN)}:")
+    for setting, some in main.groupby("setting", sort=False):
+        spread, biases = 100 * some[some.of == SPREAD].bias_half_width, some[some.of != SPREAD]
+        print(f"  {setting}: {biases.within.value_counts().to_dict()} of {len(biases)} biases; "
+              f"spread between points known to {spread.min():.0f} to {spread.max():.0f} %")  # fmt: skip
 
 
 def errors(rows: pd.DataFrame, against: str) -> pd.DataFrame:
