@@ -12,8 +12,6 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from scipy.spatial import cKDTree
-from scipy.stats import norm
 
 from analysis.quantities import QUANTITIES
 
@@ -156,7 +154,7 @@ def _mass_density(sigma_ln: float, distribution: str, size_ratio: float, fines: 
     sigma = max(sigma_ln, 1e-9)
     if distribution == "lognormal":
         x = np.linspace(-3.0 * sigma, 3.0 * sigma, 4001)
-        return x, norm.pdf(x / sigma)
+        return x, _normal(x / sigma)
     if distribution == "loguniform":
         x = np.linspace(-np.sqrt(3.0) * sigma, np.sqrt(3.0) * sigma, 4001)
         return x, np.ones_like(x)
@@ -165,8 +163,13 @@ def _mass_density(sigma_ln: float, distribution: str, size_ratio: float, fines: 
         return x, np.exp(0.5 * x)
     apart = np.log(size_ratio)
     x = np.linspace(-apart - 3.0 * sigma, 3.0 * sigma, 20001)
-    modes = [np.where(np.abs(x - m) <= 3.0 * sigma, norm.pdf((x - m) / sigma), 0.0) for m in (-apart, 0.0)]
+    modes = [np.where(np.abs(x - m) <= 3.0 * sigma, _normal((x - m) / sigma), 0.0) for m in (-apart, 0.0)]
     return x, fines * modes[0] + (1.0 - fines) * modes[1]
+
+
+def _normal(z: np.ndarray) -> np.ndarray:
+    """Density of the standard normal distribution."""
+    return np.exp(-(z**2) / 2.0) / np.sqrt(2.0 * np.pi)
 
 
 def _push_apart(position: np.ndarray, radius: np.ndarray, edge: float, gap: float = 0.02) -> np.ndarray:
@@ -198,6 +201,9 @@ def _push_apart(position: np.ndarray, radius: np.ndarray, edge: float, gap: floa
 
 def _near_pairs(x: np.ndarray, radius: np.ndarray, edge: float, skin: float) -> np.ndarray:
     """Pairs (P, 2) closer than the sum of their radii plus skin, found size class by size class."""
+    # Imported here: every run reads an assembly, and none needs the third of a second that scipy takes.
+    from scipy.spatial import cKDTree
+
     x = np.where(x >= edge, 0.0, x)
     classes = _size_classes(radius)
     found = []

@@ -17,6 +17,8 @@ from analysis.quantities import RECORD
 
 FORMAT, VERSION = "dem-run", 1
 STAGES = ("consolidate", "shear", "probe")
+#: What a shear run sums up to its `energy_strain` only; NaN in the rows beyond.
+ENDING = ("E_elastic", "E_friction", "E_damping")
 
 
 class RunFileError(ValueError):
@@ -199,8 +201,7 @@ class _Record(Mapping):
                     values = file["record"][symbol][()]
             except OSError as error:
                 raise RunFileError(f"{self._path}: /record/{symbol} cannot be read ({error})") from error
-            if values.dtype.kind == "f" and not np.isfinite(values).all():
-                row = int(np.flatnonzero(~np.isfinite(values.reshape(len(values), -1)).all(axis=1))[0])
+            if values.dtype.kind == "f" and (row := _first_bad(values, may_end=symbol in ENDING)) is not None:
                 raise RunFileError(f"{self._path}: /record/{symbol}[{row}] is not finite")
             self._read[symbol] = values
         return self._read[symbol]
@@ -213,6 +214,14 @@ class _Record(Mapping):
 
     def __len__(self) -> int:
         return len(self._shapes)
+
+
+def _first_bad(values: np.ndarray, may_end: bool) -> int | None:
+    """The first row that is not finite; where the record may end early, only one with a finite row after it."""
+    finite = np.isfinite(values.reshape(len(values), -1)).all(axis=1)
+    if may_end and finite.any():
+        finite = finite[: int(np.flatnonzero(finite)[-1]) + 1]
+    return None if finite.all() else int(np.flatnonzero(~finite)[0])
 
 
 def _record_shapes(path: Path, file: h5py.File) -> dict[str, tuple]:

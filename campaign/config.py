@@ -72,6 +72,7 @@ class Shear:
     strain_end: float = key(0.40, float, 0.001, 1.0)
     inertial_number: float = key(1e-3, float, 1e-6, 2.5e-3)
     windows: int = key(0, int, 0, 10_000, doc="output windows; 0: by the scripts, finer where curves are steep")
+    energy_strain: float = key(0.0, float, 0.0, 1.0, doc="energies are summed up to it; 0: by the scripts, 5 %")
     stop_when_steady: bool = key(False, bool, doc="end before strain_end once the critical state is proven steady")
     snapshots: tuple = key((), [float], 0.0, 1.0, doc="strains at which all grains and contacts are kept")
 

@@ -114,6 +114,8 @@ def _chain(rows, config: Config, family: str, packing: int, mu_iso: float, point
         "windows": config.shear.windows or "default", "stop_when_steady": int(config.shear.stop_when_steady),
         "snapshots": ",".join(f"{s:g}" for s in config.shear.snapshots), "stiffness_scale": dem.stiffness_scale,
     }  # fmt: skip
+    if config.shear.energy_strain:
+        shear_only["energy_strain"] = config.shear.energy_strain
     shear = _row(config, "shear", family, point["id"], where, mu_s, point["G_p"], probe.run_id, swapped | shear_only)
     rows.setdefault(shear.run_id, shear)
 

@@ -77,6 +77,8 @@ def test_ids_say_what_the_run_is_and_are_stable():
     [
         ("[shear]\nstrain_end = 0.3", 21),
         ("[shear]\nsnapshots = [0.1]", 21),
+        ("[shear]\nenergy_strain = 0.0", 39),
+        ("[shear]\nenergy_strain = 0.4", 21),
         ("[probe]\nstrain = 1e-5", 3),
         ("[dem]\ndamping = 0.2", 3),
         ("[assembly]\nN = 2000", 0),

@@ -106,6 +106,16 @@ def test_record_must_be_finite(product):
         read_run(product).record["Z"]
 
 
+def test_energies_may_end_before_the_record(product):
+    with h5py.File(product, "a") as file:
+        file["record/E_friction"][5:] = np.nan
+        file["record/E_elastic"][5:8] = np.nan
+    record = read_run(product).record
+    assert np.isfinite(record["E_friction"]).sum() == 5
+    with pytest.raises(RunFileError, match=r"/record/E_elastic\[5\] is not finite"):
+        record["E_elastic"]
+
+
 @pytest.mark.parametrize("share", [0.0, 0.02, 0.5, 0.97])
 def test_truncated_product_is_named(product, share):
     whole = product.read_bytes()

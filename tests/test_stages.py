@@ -11,7 +11,7 @@ import yade_runs
 
 from analysis import micromechanics
 from analysis.assembly import make_assembly, write_assembly
-from analysis.runfile import read_run, read_snapshot
+from analysis.runfile import ENDING, read_run, read_snapshot
 from analysis.triaxial import stress_ratio
 
 pytestmark = pytest.mark.yade
@@ -103,6 +103,21 @@ def test_shear_proves_servo_rate_and_energy(folder):
     eta = stress_ratio(run.record["sigma"])
     assert abs(eta[0]) < 0.01 and 0.4 < eta[-1] < 1.4
     np.testing.assert_allclose(run.record["eps_a"][-1], 0.02, atol=0.002)
+
+
+def test_energies_are_summed_only_as_far_as_asked(folder):
+    """They cost time and change nothing: all else of the record stays as it is, to the last bit."""
+    done = yade_runs.stage("shear", folder, description="spared", **SHEAR | {"energy_strain": 0.01})
+    assert done.returncode == 0, done.stderr
+    whole, spared = read_run(folder / "shear.h5"), read_run(folder / "spared.h5")
+    summed = whole.record["eps_a"] < 0.0102
+    for symbol, values in whole.record.items():
+        if symbol in ENDING:
+            assert np.array_equal(values[summed], spared.record[symbol][summed]), symbol
+            assert np.isnan(spared.record[symbol][~summed]).all() and not summed.all(), symbol
+        else:
+            assert np.array_equal(values, spared.record[symbol]), symbol
+    assert 0.0 < spared.proofs["energy_error"] < 0.01 and np.isfinite(whole.record["E_friction"]).all()
 
 
 def test_probe_is_linear_and_stiffer_than_the_shear_record(folder):

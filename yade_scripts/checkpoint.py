@@ -85,6 +85,7 @@ class Checkpoint:
             "inertial_number",
             "strain_end",
             "windows",
+            "energy_strain",
             "timestep_factor",
             "damping",
             "stiffness_scale",

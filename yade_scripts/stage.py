@@ -44,6 +44,7 @@ COMMON = {
     "inertial_number": 2e-3,
     "strain_end": 0.40,
     "windows": "default",
+    "energy_strain": 0.05,  # strain up to which energies are summed and their balance is proven
     "snapshots": "",
     "probe_strain": 1e-6,
     "stop_when_steady": 0,
@@ -66,6 +67,7 @@ LIMITS = {
     "stiffness_scale": (1e-6, 10.0),
     "inertial_number": (1e-6, I_LIMIT),
     "strain_end": (1e-4, 2.0),
+    "energy_strain": (0.0, 2.0),
     "probe_strain": (1e-9, 1e-2),
     "servo_mass": (1e-6, 10.0),
     "servo_damping": (0.0, 1.0),
