@@ -1,7 +1,7 @@
 """Packings with known answers: cubic lattices, random contact networks, and moves that must change nothing.
 
 Everything here is geometry plus Hertz-Mindlin springs; no simulation.  `closed_form_fcc` and the lattice tables hold
-the answers that the tests compare with (spec section 8).
+the answers that the tests compare with.
 """
 
 from __future__ import annotations

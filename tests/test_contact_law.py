@@ -1,4 +1,4 @@
-"""Two spheres in YADE against Hertz, Mindlin and Coulomb in closed form (spec section 8)."""
+"""Two spheres in YADE against Hertz, Mindlin and Coulomb in closed form."""
 
 import numpy as np
 import pytest

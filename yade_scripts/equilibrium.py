@@ -12,7 +12,7 @@ from yade_scripts.material import contact_counts
 from yade_scripts.rve import O, ProofError
 
 MAX_RATE_I = 4e-3  # fastest deformation the servo may use, as an inertial number: faster ones overshoot
-STRESS_LIMIT, FORCE_LIMIT, Z_LIMIT = 0.005, 1e-3, 1e-3  # spec section 2
+STRESS_LIMIT, FORCE_LIMIT, Z_LIMIT = 0.005, 1e-3, 1e-3  # of sigma_3; of the mean contact force; contacts
 
 
 def reach(p, window: int, max_steps: int, damping: float, quiet: float = FORCE_LIMIT) -> dict[str, float]:

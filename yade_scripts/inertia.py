@@ -38,7 +38,7 @@ def set_inertia(p) -> None:
 
 
 def rayleigh_step(p) -> float:
-    """Smallest Rayleigh time step (s) of the grains with the inertia they have (spec section 8)."""
+    """Smallest Rayleigh time step (s) of the grains with the inertia they have."""
     r, mass = radii(), np.array([body.state.mass for body in O.bodies])
     density = mass / (4.0 / 3.0 * np.pi * r**3)
     step = math.pi * r * np.sqrt(density / (p.G_p * p.stiffness_scale)) / (0.1631 * p.nu + 0.8766)

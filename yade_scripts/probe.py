@@ -71,7 +71,7 @@ def at_rest(duration: float) -> np.ndarray:
 
 
 def results(p, d_eps: list, d_sigma: list) -> dict:
-    """G_0 = dq / (3 d eps_q) for both signs (spec section 2) and K_0 = dp' / d eps_v."""
+    """G_0 = dq / (3 d eps_q) for both signs and K_0 = dp' / d eps_v."""
 
     def q(s):
         return s[2, 2] - 0.5 * (s[0, 0] + s[1, 1])

@@ -1,6 +1,6 @@
 """What a shear run must prove: quasi-static, sigma_3 held, energy balanced, critical state steady.
 
-The limits are those of spec section 2; a failed proof is an error that carries the number.
+A failed proof is an error that carries the number, its limit and the strain.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ def _eta(rows: list[dict]) -> np.ndarray:
 
 
 def _slope(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Least-squares slope and its standard error with residuals correlated over a strain of 0.03 (spec section 8)."""
+    """Least-squares slope and its standard error with residuals correlated over a strain of 0.03."""
     dx = x - x.mean()
     slope = float(dx @ (y - y.mean()) / (dx @ dx))
     residual = y - y.mean() - slope * dx

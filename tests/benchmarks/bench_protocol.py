@@ -32,14 +32,16 @@ CAMPAIGN = {"inertial_number": 2.4e-3, "timestep_factor": 1.0, "density_scaling"
 def overhead(jobs: int) -> pd.DataFrame:
     """A whole shear run to 4 % strain and a bare loop of as many steps over the same packing, ten times in turns.
 
-    Windows are as wide as most of a campaign's, so that samples are as rare as there.
+    Windows are as wide as most of a campaign's, so that samples are as rare as there, and energies are summed over the
+    first eighth of the strain, as there.
     """
     probe, _ = chain(N=1000, seed=1, mu_iso=0.04, mu_s=0.25, G_p=G_P, strain_end=0.01, **CAMPAIGN)
     rows = []
     for turn in range(10):
         # The rate differs in the ninth digit, so that each turn is a run of its own.
         rate = {"inertial_number": CAMPAIGN["inertial_number"] * (1.0 - 1e-9 * turn)}
-        values = CAMPAIGN | rate | {"mu_s": 0.25, "G_p": G_P, "strain_end": 0.04, "windows": 8}
+        values = CAMPAIGN | rate | {"mu_s": 0.25, "G_p": G_P, "strain_end": 0.04, "windows": 8,
+                                    "energy_strain": 0.005}  # fmt: skip
         shear = read_run(run("shear", start=probe.path, **values))
         steps, dt = int(shear.timing["steps"]), float(shear.timing["dt_mean"])
         command = ["yade", "-n", "-x", "-j1", str(ROOT / "tests" / "yade_scenes" / "bare_loop.py"), str(probe.path)]

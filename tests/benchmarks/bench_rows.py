@@ -28,8 +28,13 @@ def append(path: Path, columns: tuple[str, ...], row: dict) -> None:
             writer = csv.DictWriter(file, columns, restval="", lineterminator="\n")
             if new:
                 writer.writeheader()
-            writer.writerow({key: f"{value:.6g}" if isinstance(value, float) else value for key, value in row.items()})
+            writer.writerow({key: written(value) for key, value in row.items()})
     print(", ".join(f"{key} {value}" for key, value in row.items() if value != ""), flush=True)
+
+
+def written(value) -> str:
+    """A value as a row has it."""
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def _bring_to(path, columns):
