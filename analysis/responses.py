@@ -23,8 +23,7 @@ from analysis.joint import Joint
 from analysis.quantities import QUANTITIES
 from analysis.results import FORMAT, FORMAT_VERSION
 
-DEFAULTS = {"max_lost_probability": 0.05, "density_method": "exact", "bandwidth": None, "cells": 400,
-            "input_bootstrap": 0}  # fmt: skip
+DEFAULTS = {"max_lost_probability": 0.05, "density_method": "exact", "cells": 400, "input_bootstrap": 0}
 SQUEEZE = {"compression": "gzip", "shuffle": True, "fletcher32": True}
 
 
@@ -40,7 +39,7 @@ def build_results(folder, plan, points, settings=None) -> Path:
     pairs (n, 2), source (where the pairs come from), marginals (dicts with a "variable", best first, or two lists in
     the order mu_s, G_p), copulas (best first), joint, all as objects or as their dicts, point_attrs (dict of method,
     seed, discrepancy ...), versions (dict),
-    max_lost_probability (0.05), density_method ("exact" or "tvd"), bandwidth (None: chosen from the data), cells (400),
+    max_lost_probability (0.05), density_method ("exact" or "tvd"), cells (400),
     input_bootstrap (0): resamplings of the pairs under which the points get other probabilities, for bands
     (where the joint distribution is given and the points have no family column).
 
@@ -129,9 +128,8 @@ def _write_response(out, symbol, values, group, strain, settings):
     kept = group.weight > 0
     weight = group.weight[kept]
     density = pdem.evolve(
-        values[:, kept], weight, strain, method=settings["density_method"], bandwidth=settings["bandwidth"],
-        cells=settings["cells"],
-    )  # fmt: skip
+        values[:, kept], weight, strain, method=settings["density_method"], cells=settings["cells"]
+    )
     with h5py.File("density", "w", driver="core", backing_store=False) as memory:
         density.to_hdf5(memory)
         for name, dataset in memory.items():

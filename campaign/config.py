@@ -30,47 +30,55 @@ class Inputs:
     pairs: str = key("data/pairs_reconstructed.csv", str, doc="CSV with the measured pairs (mu_s, G_p_GPa or E_p_GPa)")
     marginals: tuple = key((), [str], doc="families to choose from by AIC; empty: all")
     copulas: tuple = key(("gaussian", "student", "frank", "plackett"), [str], doc="copulas to choose from; empty: all")
-    seed: int = key(1, int, 0, 2**31 - 1)
+    seed: int = key(1, int, 0, 2**31 - 1, doc="of the goodness-of-fit samples, and of per-grain properties")
     bootstrap: int = key(200, int, 19, 100_000, doc="simulated samples of the goodness-of-fit test")
 
 
 @dataclass(frozen=True)
 class Points:
-    n: int = key(100, int, 2, 10_000, doc="representative points")
+    n: int = key(100, int, 2, 10_000, doc="representative points; fewer than 8 cannot carry the moments")
     method: str = key("gf", str, doc="gf: points with the smallest GF-discrepancy; see analysis/points.py")
-    seed: int = key(1, int, 0, 2**31 - 1)
+    seed: int = key(1, int, 0, 2**31 - 1, doc="of the search for them")
     nested: bool = key(False, bool, doc="order the points so that every beginning of the list represents the whole")
 
 
 @dataclass(frozen=True)
 class Assembly:
     N: int = key(1000, int, 64, 1_000_000, doc="spheres")
-    d50_mm: float = key(0.248, float, 1e-4, 1e3)
+    d50_mm: float = key(0.248, float, 1e-4, 1e3, doc="diameter that splits the mass in halves")
     sigma_ln: float = key(0.174, float, 0.0, 1.0, doc="standard deviation of ln d by mass")
-    distribution: str = key("lognormal", str, choices=("lognormal", "loguniform", "well_graded", "gap_graded"))
+    distribution: str = key(
+        "lognormal", str, choices=("lognormal", "loguniform", "well_graded", "gap_graded"), doc="grading, by mass"
+    )
     packings: tuple = key((1,), [int], 0, 2**31 - 1, doc="seeds; the first serves all points, the others level it")
     replicate_points: int = key(-1, int, -1, 10_000, doc="points that the replicate packings serve; -1: all")
 
 
 @dataclass(frozen=True)
 class Material:
-    nu: float = key(0.2, float, 0.0, 0.49)
-    rho: float = key(2670.0, float, 1.0, 1e5, doc="kg/m3")
-    heterogeneity: str = key("specimen", str, choices=("specimen", "grain"))
+    nu: float = key(0.2, float, 0.0, 0.49, doc="Poisson's ratio of the grains")
+    rho: float = key(2670.0, float, 1.0, 1e5, doc="density of the grains, kg/m3")
+    heterogeneity: str = key(
+        "specimen", str, choices=("specimen", "grain"), doc="a pair (mu_s, G_p) a specimen, or one a grain"
+    )
 
 
 @dataclass(frozen=True)
 class Consolidation:
-    mu_iso: tuple = key((0.001, 0.04, 0.1), [float], 0.0, 1.2)
-    sigma_3_kPa: float = key(100.0, float, 1.0, 1e4)
+    mu_iso: tuple = key(
+        (0.001, 0.04, 0.1), [float], 0.0, 1.2, doc="friction while consolidating; it sets the density, lower is denser"
+    )
+    sigma_3_kPa: float = key(100.0, float, 1.0, 1e4, doc="confining stress, of consolidation and of drained shear")
     per_point: bool = key(False, bool, doc="consolidate once per point, not once per density")
     G_ref_GPa: float = key(25.7, float, 0.01, 1000.0, doc="G_p of the shared consolidation")
 
 
 @dataclass(frozen=True)
 class Shear:
-    strain_end: float = key(0.40, float, 0.001, 1.0)
-    inertial_number: float = key(1e-3, float, 1e-6, 2.5e-3)
+    strain_end: float = key(0.40, float, 0.001, 1.0, doc="axial strain, logarithmic: 0.40 is 33 % of the height")
+    inertial_number: float = key(
+        1e-3, float, 1e-6, 2.5e-3, doc="rate of shear over d50 sqrt(rho / p'); lowered above mu_s = 0.3, see rve.py"
+    )
     windows: int = key(0, int, 0, 10_000, doc="output windows; 0: by the scripts, finer where curves are steep")
     energy_strain: float = key(0.0, float, 0.0, 1.0, doc="energies are summed up to it; 0: by the scripts, 5 %")
     stop_when_steady: bool = key(False, bool, doc="end before strain_end once the critical state is proven steady")
@@ -79,7 +87,7 @@ class Shear:
 
 @dataclass(frozen=True)
 class Probe:
-    strain: float = key(1e-6, float, 1e-8, 1e-3)
+    strain: float = key(1e-6, float, 1e-8, 1e-3, doc="size of the increments that measure G_0 and K_0")
 
 
 @dataclass(frozen=True)
@@ -87,28 +95,31 @@ class Dem:
     accuracy: str = key("", str, choices=("", "10%", "5%", "2%", "1%"), doc="picks the keys listed in accuracy.toml")
     timestep_factor: float = key(1.0, float, 0.01, 3.0, doc="share of the contact-stiffness time step")
     damping: float = key(0.0, float, 0.0, 0.9, doc="local damping during shear")
-    stiffness_scale: float = key(1.0, float, 1e-4, 1.0)
+    stiffness_scale: float = key(1.0, float, 1e-4, 1.0, doc="share of G_p that shear runs use; probes use all")
     density_scaling: bool = key(True, bool, doc="balance the inertia of large and small grains; their sum stays")
 
 
 @dataclass(frozen=True)
 class Families:
     G_p_only: bool = key(False, bool, doc="a second family with mu_s fixed beside that with both as measured")
-    mu_s_fixed: float = key(0.25, float, 0.0, 1.5)
+    mu_s_fixed: float = key(0.25, float, 0.0, 1.5, doc="friction of the second family")
     G_p_points: int = key(-1, int, -1, 10_000, doc="points of the second family; -1: all")
 
 
 @dataclass(frozen=True)
 class Failures:
-    max_lost_probability: float = key(0.05, float, 0.0, 0.5)
+    max_lost_probability: float = key(
+        0.05, float, 0.0, 0.5, doc="share of a density's probability that failed runs may take; more is refused"
+    )
     retry: bool = key(True, bool, doc="once, with half the time step, where that can help")
 
 
 @dataclass(frozen=True)
 class Pdem:
-    method: str = key("exact", str, choices=("exact", "tvd"))
-    bandwidth: float = key(0.0, float, 0.0, 1e12, doc="0: by rule from the data")
-    cells: int = key(400, int, 64, 20_000)
+    method: str = key(
+        "exact", str, choices=("exact", "tvd"), doc="translated kernels, or the paper's flux-limited scheme"
+    )
+    cells: int = key(400, int, 64, 20_000, doc="cells of the grid of a density")
     stop_when: str = key("", str, doc="claimed error of the densities at which no more points are run; empty: run all")
 
 
@@ -124,7 +135,7 @@ class Slurm:
 
 @dataclass(frozen=True)
 class Run:
-    engine: str = key("local", str, choices=("local", "slurm"))
+    engine: str = key("local", str, choices=("local", "slurm"), doc="this machine, or a cluster's queue")
     jobs: int = key(0, int, 0, 4096, doc="runs at once; 0: one per core")
     cpu_limit: float = key(20.0, float, 1.0, 1e6, doc="a run is stopped after this many times its predicted CPU time")
     hang_minutes: float = key(10.0, float, 0.01, 1e5, doc="a run that uses no CPU for so long is stopped")

@@ -130,7 +130,6 @@ def _settings(config: Config, folder: Path) -> dict:
         **{k: noted[k] for k in ("pairs", "source", "marginals", "copulas", "joint", "point_attrs")},
         "max_lost_probability": config.failures.max_lost_probability,
         "density_method": config.pdem.method,
-        "bandwidth": config.pdem.bandwidth or None,
         "cells": config.pdem.cells,
         "input_bootstrap": INPUT_BOOTSTRAP,
     }

@@ -70,7 +70,9 @@ def read_planned_points(config: Config, folder: Path) -> list[dict]:
 def inputs_digest(config: Config) -> str:
     """What the points depend on: [inputs], [points] and the bytes of the pairs file."""
     settings = json.dumps({"inputs": asdict(config.inputs), "points": asdict(config.points)}, sort_keys=True)
-    return _digest(settings.encode() + config.pairs_path.read_bytes())
+    pairs = config.pairs_path.read_bytes()
+    nu = f"nu {config.material.nu}" if b"E_p_GPa" in pairs else ""  # G_p of a measured Young's modulus depends on it
+    return _digest(settings.encode() + pairs + nu.encode())
 
 
 def _digest(data: bytes) -> str:
@@ -84,7 +86,7 @@ def _choose(config: Config) -> tuple[list[dict], dict]:
     from analysis import inputs
 
     given, asked = config.inputs, config.points
-    pairs = inputs.read_pairs(config.pairs_path)
+    pairs = inputs.read_pairs(config.pairs_path, nu=config.material.nu)
     from analysis import joint, points
 
     families = {"copula_families": given.copulas or None}
@@ -92,6 +94,7 @@ def _choose(config: Config) -> tuple[list[dict], dict]:
         families["marginal_families"] = given.marginals
     fit = joint.fit_joint(pairs, n_boot=given.bootstrap, seed=given.seed, **families)
     found = points.select_points(fit.joint, asked.n, method=asked.method, seed=asked.seed, nested=asked.nested)
+    _refuse_impossible(found.x, fit.joint, f"the {asked.n} points", config)
     rows = [
         {"id": k, "mu_s": float(x[0]), "G_p": float(x[1]), "probability": float(p)}
         for k, (x, p) in enumerate(zip(found.x, found.probability, strict=True))
@@ -105,6 +108,19 @@ def _choose(config: Config) -> tuple[list[dict], dict]:
         "point_attrs": {"method": found.method, "seed": asked.seed, "discrepancy": found.discrepancy},
     }
     return rows, json.loads(json.dumps(noted, default=lambda value: np.asarray(value).tolist()))
+
+
+def _refuse_impossible(x, joint, what: str, config: Config) -> None:
+    """PlanError for values (n, 2) at or below zero, which a family that is unbounded below may give."""
+    from analysis.marginal_families import FAMILIES
+
+    positive = ", ".join(f'"{name}"' for name, family in FAMILIES.items() if family.positive)
+    for name, column, marginal in zip(("mu_s", "G_p"), x.T, joint.marginals, strict=True):
+        if (bad := int((column <= 0.0).sum())):
+            raise PlanError(
+                f"{config.pairs_path}: the {marginal.family} distribution fitted to {name} puts {bad} of {what} at or "
+                f"below zero (least {column.min():.3g}); choose inputs.marginals from {positive}"
+            )
 
 
 def points_note(config: Config, text: str) -> dict:
@@ -145,12 +161,18 @@ def _sample_grains(config: Config, folder: Path, points: list[dict], noted: dict
     from analysis.joint import Joint
 
     joint = Joint.from_dict(noted["joint"])
+    made_with = {"N": config.assembly.N, "seed": config.inputs.seed, "joint": noted["joint"]}
+    note = folder / "tables" / "grains.json"
+    kept = read_json(note) == made_with
     for point in points:
         path = folder / f"grains_{point['id']}.h5"
-        if path.exists():
+        if kept and path.exists():
             continue
         rng = np.random.default_rng([config.inputs.seed, point["id"]])
+        grains = joint.sample(config.assembly.N, rng)
+        _refuse_impossible(grains, joint, f"the {len(grains)} grains of point {point['id']}", config)
         part = path.with_suffix(".part")
         with h5py.File(part, "w") as file:
-            file["mu_s"], file["G_p"] = joint.sample(config.assembly.N, rng).T
+            file["mu_s"], file["G_p"] = grains.T
         part.replace(path)
+    write_json(note, made_with)

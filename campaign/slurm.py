@@ -28,7 +28,7 @@ def submit_missing(
 ) -> str:
     """Submit every row without a product, not spared, not queued yet; returns a line that tells what was submitted.
 
-    Raises RunError when SLURM is not there or refuses.
+    Raises RunError when SLURM is not there, refuses, or does not tell its queue: what waits would be submitted twice.
     """
     if shutil.which("sbatch") is None:
         raise RunError("sbatch: no such program; is SLURM installed here?")
@@ -101,21 +101,33 @@ def job_script(config: Config, folder: Path, stage: str, base: str, tasks: int, 
 
 
 def queued_rows(folder: Path) -> dict[str, str]:
-    """Run id -> "queued" for every row whose task waits or runs in SLURM now ({} without SLURM or submissions)."""
+    """Run id -> "queued" for every row whose task waits or runs in SLURM now ({} without SLURM or submissions).
+
+    Raises RunError when SLURM does not answer: no queue known is not an empty queue.
+    """
     noted = read_json(folder / NOTE, [])
     if not noted or shutil.which("squeue") is None:
         return {}
-    done = subprocess.run(["squeue", "--me", "-h", "-r", "-o", "%F %K %T"], capture_output=True, text=True, timeout=60)
-    if done.returncode:
-        return {}
+    status, listed, said = _asked("squeue", "--me", "-h", "-r", "-o", "%F %K %T")
+    if status:
+        raise RunError(f"squeue: {said or 'failed'}; what waits in the queue is not known")
     tasks = {(job["job"], k): task for job in noted for k, task in enumerate(job["tasks"])}
     found = {}
-    for line in done.stdout.splitlines():
+    for line in listed.splitlines():
         job, index, word = (line.split() + ["", ""])[:3]
         if index.isdigit() and word not in GONE:
             for run_id in tasks.get((job, int(index)), []):
                 found[run_id] = "queued"
     return found
+
+
+def _asked(*command: str) -> tuple[int, str, str]:
+    """Exit status, output and one line of error of a SLURM command; one that is missing or hangs has failed, too."""
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return 1, "", " ".join(str(error).split())[:200]
+    return done.returncode, done.stdout, " ".join(done.stderr.split())[:200]
 
 
 def ended_without_product(folder: Path, missing: list[str]) -> dict[str, str]:
@@ -125,8 +137,7 @@ def ended_without_product(folder: Path, missing: list[str]) -> dict[str, str]:
     wanted = {run_id: last[run_id] for run_id in missing if run_id in last}
     told = {}
     for job in {job for job, _ in wanted.values()}:
-        done = subprocess.run(["scontrol", "-o", "show", "job", job], capture_output=True, text=True)
-        for line in done.stdout.splitlines():
+        for line in _asked("scontrol", "-o", "show", "job", job)[1].splitlines():
             facts = dict(part.split("=", 1) for part in line.split() if "=" in part)
             if facts.get("ArrayTaskId", "").isdigit():
                 told[job, int(facts["ArrayTaskId"])] = facts.get("JobState", "")

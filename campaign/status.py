@@ -20,16 +20,21 @@ ORDER = ("done", "running", "queued", "failed", "refused", "missing", "spared")
 def campaign_status(config: Config, folder: Path, rows: list[Row], *, rehash: bool = False) -> dict:
     """Everything `status` tells, as one plain dict (what --json prints)."""
     states = look(folder, rows, rehash=rehash, spared=spared(config, folder, rows))
-    lost = {}
+    lost, queue = {}, ""
     if (folder / "batch" / "slurm.json").exists():
+        from campaign.local import RunError
         from campaign.slurm import ended_without_product, queued_rows
 
-        for run_id, word in queued_rows(folder).items():
-            if run_id in states and states[run_id].state == "missing":
-                states[run_id] = State(run_id, word)
-        lost = ended_without_product(folder, [s.run_id for s in states.values() if s.state == "missing"])
+        try:
+            for run_id, word in queued_rows(folder).items():
+                if run_id in states and states[run_id].state == "missing":
+                    states[run_id] = State(run_id, word)
+            lost = ended_without_product(folder, [s.run_id for s in states.values() if s.state == "missing"])
+        except RunError as error:
+            queue = str(error)
     return summary(config, rows, states) | {
-        "stale": stale(folder, rows), "folder": str(folder), "lost": lost, "enough": verdict(config, folder, rows)
+        "stale": stale(folder, rows), "folder": str(folder), "lost": lost, "queue": queue,
+        "enough": verdict(config, folder, rows),
     }  # fmt: skip
 
 
@@ -95,6 +100,8 @@ def status_text(told: dict) -> str:
         lines.append(told["enough"])
     for f in told["failures"]:
         lines.append(f"{f['state']}: {f['run_id']}: {f['reason']}")
+    if told["queue"]:
+        lines.append(told["queue"])
     lines += [f"missing: {run_id}: {reason}" for run_id, reason in told["lost"].items()]
     if told["stale"]:
         lines.append(f"stale: {len(told['stale'])} products of earlier settings, kept and not used")

@@ -1,8 +1,10 @@
 """The campaign file: what is read, what accuracy stands for, and that the shipped files are good."""
 
+from dataclasses import fields
+
 import pytest
 
-from campaign.config import ROOT, ConfigError, parse_config, read_config
+from campaign.config import ROOT, SECTIONS, ConfigError, parse_config, read_config
 
 
 @pytest.mark.parametrize("name", ["demo", "laptop", "paper"])
@@ -63,3 +65,9 @@ def test_missing_pairs_name_the_key(tmp_path):
     path.write_text('[inputs]\npairs = "nowhere.csv"\n')
     with pytest.raises(ConfigError, match=r"mine.toml: inputs.pairs = 'nowhere.csv' is no file"):
         _ = read_config(path).pairs_path
+
+
+def test_every_key_is_explained():
+    keys = [(name, key) for name, section in SECTIONS.items() for key in fields(section) if key.name != "slurm"]
+    assert len(keys) > 40
+    assert [f"{name}.{key.name}" for name, key in keys if not key.metadata["doc"]] == []

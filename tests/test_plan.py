@@ -4,6 +4,8 @@ import math
 import subprocess
 from dataclasses import replace
 
+import h5py
+import numpy as np
 import pytest
 import synthetic_runs
 
@@ -199,3 +201,40 @@ def test_plan_csv_has_a_line_a_run(tmp_path):
     assert frame.particle_steps.sum() == pytest.approx(sum(r.particle_steps for r in rows), rel=1e-5)
     assert frame.G_p.dropna().tolist() == [r.G_p for r in rows]
     assert write_plan(rows, tmp_path) == []
+
+
+def test_points_of_negative_friction_are_refused_in_one_line(tmp_path):
+    """A normal distribution of so much scatter has its 100 points below zero, too."""
+    rng = np.random.default_rng(1)
+    lines = [f"{mu:.4f},{G:.3f}" for mu, G in zip(np.abs(rng.normal(0.2, 0.1, 60)), rng.normal(30, 5, 60), strict=True)]
+    (tmp_path / "pairs.csv").write_text("mu_s,G_p_GPa\n" + "\n".join(lines) + "\n")
+    text = '[inputs]\npairs = "pairs.csv"\nbootstrap = 19\nmarginals = ["normal"]\n[points]\nn = 40\n'
+    config = parse_config(text, tmp_path / "wide.toml")
+    with pytest.raises(PlanError, match=r"normal .* mu_s puts \d+ of the 40 points at or below .*\"lognormal\""):
+        prepare(config, tmp_path / "run")
+    assert not (tmp_path / "run" / "points.csv").exists()
+
+
+def test_measured_youngs_modulus_becomes_G_p_with_the_materials_poisson_ratio(tmp_path):
+    rng = np.random.default_rng(2)
+    lines = [f"{mu:.4f},{E:.3f}" for mu, E in np.exp(rng.normal((-1.5, 4.0), 0.2, (30, 2)))]
+    (tmp_path / "pairs.csv").write_text("mu_s,E_p_GPa\n" + "\n".join(lines) + "\n")
+    text = '[inputs]\npairs = "pairs.csv"\nbootstrap = 19\n[points]\nn = 8\n[material]\nnu = '
+    stiff, soft = (prepare(parse_config(text + nu, tmp_path / "t.toml"), tmp_path / "run") for nu in ("0.2", "0.4"))
+    assert soft[1] == "chosen anew"
+    ratio = [b["G_p"] / a["G_p"] for a, b in zip(stiff[0], soft[0], strict=True)]
+    assert ratio == pytest.approx([1.2 / 1.4] * 8)
+
+
+def test_properties_of_grains_are_drawn_anew_when_their_number_or_distribution_changes(tmp_path):
+    text = synthetic_runs.write_config(tmp_path, n=8).read_text() + "[material]\nheterogeneity = 'grain'\n"
+    config, folder = parse_config(text, tmp_path / "t.toml"), tmp_path / "run"
+
+    def drawn(**inputs):
+        prepare(replace(config, inputs=replace(config.inputs, **inputs)), folder)
+        with h5py.File(folder / "grains_3.h5") as file:
+            return file["mu_s"][()]
+
+    first = drawn()
+    assert len(first) == config.assembly.N and np.array_equal(drawn(), first)
+    assert not np.array_equal(drawn(marginals=("gamma",)), first)

@@ -24,6 +24,10 @@ with_slurm = pytest.mark.skipif(
 )
 
 
+#: An sbatch that notes what it was given, and numbers its jobs.
+SUBMIT = 'echo "$2" >> submitted.txt; wc -l < submitted.txt'
+
+
 def test_rows_are_packed_in_order_up_to_the_time_given(tmp_path):
     rows = make_small(tmp_path, n=4).rows
     tasks = pack(rows, 30.0)
@@ -50,10 +54,7 @@ def test_task_runs_the_lines_of_its_own_table(tmp_path):
     """The script as SLURM would run it, one array task after the other."""
     small = make_small(tmp_path, more="[run.slurm]\npack = 0.2\n")
     submitted = []
-    stand_in = tmp_path / "sbatch"
-    stand_in.write_text('#!/bin/sh\necho "$2" >> submitted.txt\nwc -l < submitted.txt\n')
-    stand_in.chmod(0o755)
-    env = small.env(PATH=f"{tmp_path}:{os.environ['PATH']}")
+    env = small.env(PATH=_slurm_of(tmp_path, sbatch=SUBMIT, squeue="exit 0"))
     done = subprocess.run(small.line("run", "--engine", "slurm"), env=env, capture_output=True, text=True,
                           cwd=ROOT)  # fmt: skip
     assert done.returncode == 0 and "4 shear in" in done.stdout, done.stderr
@@ -72,6 +73,26 @@ def test_slurm_missing_is_one_line(tmp_path):
     small = make_small(tmp_path)
     done = small.command("run", "--engine", "slurm", PATH="/nowhere")
     assert done.returncode == 2 and "sbatch: no such program" in done.stderr and "Traceback" not in done.stderr
+
+
+def test_a_queue_that_does_not_answer_is_not_an_empty_one(tmp_path):
+    """Nothing is submitted twice, and status says so in a line."""
+    small = make_small(tmp_path)
+    path = {"PATH": _slurm_of(tmp_path, sbatch=SUBMIT, squeue="exit 1")}
+    assert small.command("run", "--engine", "slurm", **path).returncode == 0
+    again = small.command("run", "--engine", "slurm", **path)
+    assert again.returncode == 2 and "squeue: failed; what waits in the queue is not known" in again.stderr
+    assert "Traceback" not in again.stderr and len((small.folder / "submitted.txt").read_text().split()) == 3
+    status = small.command("status", **path)
+    assert status.returncode == 0 and "is not known" in status.stdout and "without a product" not in status.stdout
+
+
+def _slurm_of(folder: Path, **commands: str) -> str:
+    """A search path that begins with these stand-ins for SLURM's commands."""
+    for name, text in commands.items():
+        (folder / name).write_text(f"#!/bin/sh\n{text}\n")
+        (folder / name).chmod(0o755)
+    return f"{folder}:{os.environ['PATH']}"
 
 
 def _queue() -> dict[tuple[str, int], str]:
