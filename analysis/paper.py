@@ -31,9 +31,9 @@ COPULAS = {
     "frank": ((-5.40,), -43.68), "plackett": ((0.198,), -41.78),
 }  # fmt: skip
 
+SIGMA_3, SIGMA_LN = 100e3, 0.174  # Pa; standard deviation of ln d by mass
 GRADING_INDEX = 1.19
 GRADING_INDEX_COV = 0.001
 STEADY_STRAIN = 0.25
 PARTICLES = 23312
 POINTS = 100
-RUNS = 600

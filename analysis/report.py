@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis import paper, report_friction, report_text, report_trust, tables, trust, webpage
+from analysis import paper, report_friction, report_setting, report_text, report_trust, tables, trust, webpage
 from analysis.claims import HELD, NOT_HELD, OPEN
 from analysis.collapse import largest_loss
 from analysis.figures import FIGURES, write_figures
@@ -48,7 +48,7 @@ def sections(results, figures, name) -> list[tuple[str, str]]:
         ("Joint densities", _pictures(results, figures, "fig14", "fig15")),
         ("What friction does", _pictures(results, figures, "fig16") + report_friction.friction(results)),
         ("Where the scatter comes from", report_trust.sources(results)),
-        ("What the number of pairs leaves open", open_inputs(results)),
+        ("What the number of pairs leaves open", input_bands(results)),
         ("Friction angles for design", report_trust.design(results)),
         ("How many runs would have been enough", report_trust.replay(results)),
         ("The same at other sizes and rates, and with other grains", report_trust.other_runs(results)),
@@ -62,7 +62,7 @@ def _head(results, claims, name):
     counts = claims["verdict"].value_counts()
     done = int((results.runs["status"] == "done").sum())
     hours = results.runs["cpu_seconds"].sum() / 3600
-    size = report_text.particles(results)
+    size = report_setting.particles(results)
     items = [
         (str(len(results.points)), f"points of ({_sign('mu_s')}, {_sign('G_p')})"),
         (str(len(results.densities)), "densities"),
@@ -81,7 +81,7 @@ def _head(results, claims, name):
         f"probability densities that follow.{_filled_words(results)} Statements of {paper.REFERENCE} stand beside the "
         "numbers of this campaign."
     ]
-    words += report_text.size_warning(results)
+    words += report_setting.conditions(results) + report_setting.size_warning(results)
     short = "".join(map(webpage.paragraph, report_text.in_short(results, claims)))
     text = "".join(map(webpage.paragraph, words))
     return f"<h1>Campaign {webpage.escape(name)}</h1>{text}{webpage.cards(items)}<h3>In short</h3>{short}"
@@ -134,7 +134,7 @@ def _runs(results):
     counts = trust.run_counts(results)
     never = [name for name in ("failed", "spared", "steady early") if not counts[name].any()]
     counts = webpage.table(counts.drop(columns=never), "Runs by stage", stack=True)
-    notes = [report_text.accuracy(results), *report_text.run_notes(results)]
+    notes = [report_setting.accuracy(results), *report_text.run_notes(results)]
     return counts + "".join(map(webpage.paragraph, notes))
 
 
@@ -197,7 +197,7 @@ def _behaviour(results, figures):
     return _pictures(results, figures, "fig08", "fig09", "fig10", "fig11", "fig12") + shown
 
 
-def open_inputs(results) -> str:
+def input_bands(results) -> str:
     """HTML on what the number of pairs leaves open: moments with bands, or a sentence that there are none."""
     frame = tables.input_bands(results)
     if not len(frame):

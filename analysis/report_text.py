@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
-
 import numpy as np
 
 from analysis import packings, paper, weighted
@@ -132,40 +130,6 @@ def packing(results) -> str:
         "and means allow for what is left: how much the mean over these points differs between packings, pooled over "
         "the densities."
     )
-
-
-def accuracy(results) -> str:
-    """The accuracy setting asked for, and what the shear runs really used."""
-    shear = results.runs[(results.runs["stage"] == "shear") & (results.runs["status"] == "done")]
-    asked = tomllib.loads(results.attrs["config"]).get("dem", {}).get("accuracy", "")
-    words = {"inertial_number": "inertial number", "strain_end": "axial strain to",
-             "timestep_factor": "time step factor", "stiffness_scale": "stiffness factor"}  # fmt: skip
-    used = [f"{word} {', '.join(f'{v:g}' for v in sorted(set(shear[name].dropna())))}"
-            for name, word in words.items() if name in shear and shear[name].notna().any()]  # fmt: skip
-    named = f"the {asked} setting of campaign/accuracy.toml" if asked else "none by name, every key set by itself"
-    return f"Accuracy asked for: {named}. Shear runs: {particles(results)} spheres, " + ", ".join(used) + (
-        "; above mu_s = 0.3 the inertial number is at most 7.2e-4 / mu_s."
-    )
-
-
-def particles(results) -> str:
-    """Number of spheres of the runs, as text."""
-    sizes = sorted(set(results.runs.loc[results.runs["N"] > 0, "N"]))
-    return "–".join(f"{n:,}" for n in (sizes if len(sizes) < 3 else (sizes[0], sizes[-1])))
-
-
-def size_warning(results) -> list[str]:
-    """What the size of the campaign means for its numbers."""
-    sizes = results.runs.loc[results.runs["N"] > 0, "N"]
-    if not len(sizes) or sizes.max() >= 0.5 * paper.PARTICLES and len(results.points) >= paper.POINTS:
-        return []
-    smallest = int(sizes.min())
-    scatter = 100 * 0.03 * np.sqrt(1000 / smallest)
-    return [
-        f"These numbers are rough. The paper used {paper.PARTICLES:,} spheres and {paper.POINTS} points; here it is "
-        f"{particles(results)} spheres and {len(results.points)} points. One run of {smallest:,} spheres scatters by "
-        f"some {scatter:.0f} % in the stress ratio; the sections on claims and on trust say what that leaves."
-    ]
 
 
 def in_short(results, claims) -> list[str]:

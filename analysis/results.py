@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 
 from analysis import weighted
-from analysis.archive import STAGE_STATES
+from analysis.archive import CONSOLIDATED, STAGE_STATES
 from analysis.density import Density
 from analysis.quantities import QUANTITIES, Quantity
 
@@ -83,17 +83,37 @@ class Results:
     def family_densities(self, family="coupled"):
         """The consolidation frictions mu_iso that a family has, ascending."""
         with h5py.File(self.path) as file:
-            return tuple(sorted(float(name) for name in file[f"families/{family}"] if name != "points"))
+            return self._densities(file, family)
+
+    def _densities(self, file, family):
+        if family not in self.families:
+            raise ResultsError(f"{self.path}: there is no family {family!r}, only {', '.join(self.families)}")
+        return tuple(sorted(float(name) for name in file[f"families/{family}"] if name != "points"))
+
+    def _group(self, file, mu_iso, family, *names):
+        """A family's density, or what it has below; ResultsError says what there is in place of what is missing."""
+        known = self._densities(file, family)
+        if f"{mu_iso:g}" not in (names_known := [f"{m:g}" for m in known]):
+            raise ResultsError(
+                f"{self.path}: {family} has no density mu_iso = {mu_iso:g}, only {', '.join(names_known)}"
+            )
+        group = file[f"families/{family}/{mu_iso:g}"]
+        for name in names:
+            if name not in group:
+                raise ResultsError(f"{self.path}: there is no {name!r} in {group.name}, only {', '.join(group)}")
+            group = group[name]
+        return group
 
     def family_points(self, family="coupled"):
         """The points of a family as a frame id, mu_s, G_p (Pa), probability."""
         with h5py.File(self.path) as file:
-            return _frame(_group(file, f"families/{family}/points"))
+            self._densities(file, family)
+            return _frame(file[f"families/{family}/points"])
 
     def weights(self, mu_iso, family="coupled"):
         """Probabilities (Q,) of a density's points, zero where no run is left, summing to 1."""
         with h5py.File(self.path) as file:
-            return _group(file, f"families/{family}/{mu_iso:g}")["weight"][()]
+            return self._group(file, mu_iso, family, "weight")[()]
 
     def bootstrap_weights(self, mu_iso, family="coupled"):
         """Probabilities (B, Q) of a density's points under inputs refitted to resampled pairs, or None if not made.
@@ -104,16 +124,18 @@ class Results:
             if "inputs/bootstrap_probability" not in file:
                 return None
             drawn = file["inputs/bootstrap_probability"][()]
-            bearer = _group(file, f"families/{family}/{mu_iso:g}")["bearer"][()][file[f"nearest/{family}"][()]]
+            bearer = self._group(file, mu_iso, family, "bearer")[()][file[f"nearest/{family}"][()]]
         shares = np.zeros((len(drawn), len(self.weights(mu_iso, family))))
         np.add.at(shares.T, bearer, drawn.T)
         return shares / shares.sum(axis=1, keepdims=True)
 
     def filled(self, mu_iso, family="coupled", state="critical"):
         """Points (Q,) of a density that were not run for a state, but filled by regression over the inputs."""
-        stage = next(stage for stage, states in STAGE_STATES.items() if state in states)
+        stage = next((stage for stage, states in STAGE_STATES.items() if state in states), None)
+        if stage is None:
+            raise ResultsError(f"{self.path}: there is no state {state!r}, only {', '.join(STATES)}")
         with h5py.File(self.path) as file:
-            return _group(file, f"families/{family}/{mu_iso:g}/filled")[stage][()]
+            return self._group(file, mu_iso, family, "filled", stage)[()]
 
     def measured(self, state, symbol, mu_iso, family="coupled"):
         """Values (Q,) of a quantity at a state from runs only: NaN where a run is missing or filled."""
@@ -123,13 +145,13 @@ class Results:
     def counts(self, mu_iso, family="coupled"):
         """What became of a density's runs: dict of lost_probability, planned, done, failed, spared, extended."""
         with h5py.File(self.path) as file:
-            return _plain(_group(file, f"families/{family}/{mu_iso:g}").attrs)
+            return _plain(self._group(file, mu_iso, family).attrs)
 
     def response(self, symbol, mu_iso, family="coupled") -> Response:
         """One response along strain at one density; ResultsError if the file has none of that name."""
         with h5py.File(self.path) as file:
-            base = _group(file, f"families/{family}/{mu_iso:g}")
-            group = _group(file, f"families/{family}/{mu_iso:g}/responses/{symbol}")
+            base = self._group(file, mu_iso, family)
+            group = self._group(file, mu_iso, family, "responses", symbol)
             replicates = base.get(f"replicates/{symbol}")
             return Response(
                 quantity=QUANTITIES[symbol], strain=self.strain, values=group["values"][()],
@@ -140,12 +162,12 @@ class Results:
     def symbols(self, mu_iso, family="coupled"):
         """The responses that a density has, as symbols."""
         with h5py.File(self.path) as file:
-            return tuple(_group(file, f"families/{family}/{mu_iso:g}/responses"))
+            return tuple(self._group(file, mu_iso, family, "responses"))
 
     def state(self, state, symbol, mu_iso, family="coupled"):
         """Values (Q,) of a quantity at a state ("initial", "peak", "critical", "probe"), NaN where a run is missing."""
         with h5py.File(self.path) as file:
-            return _group(file, f"families/{family}/{mu_iso:g}/states/{state}/{symbol}")[()]
+            return self._group(file, mu_iso, family, "states", state, symbol)[()]
 
     def consolidated(self, symbol, mu_iso, family="coupled"):
         """Values (R,) of e, e_m, Z or Z_m after R consolidations at a density, and their weights (R,), of sum 1.
@@ -153,6 +175,10 @@ class Results:
         One a packing, all alike; with `per_point` one a point and packing, and the consolidations of a point share its
         probability in the family.
         """
+        if symbol not in CONSOLIDATED:
+            raise ResultsError(f"{self.path}: consolidations have no {symbol!r}, only {', '.join(CONSOLIDATED)}")
+        with h5py.File(self.path) as file:
+            self._group(file, mu_iso, family)
         runs = self.runs[(self.runs["stage"] == "consolidate") & (self.runs["mu_iso"] == mu_iso)]
         runs = runs[runs["family"].isin(["shared", family]) & np.isfinite(runs[symbol].astype(float))]
         weights = np.ones(len(runs))
@@ -166,19 +192,21 @@ class Results:
     def state_error(self, state, symbol, mu_iso, family="coupled"):
         """Standard errors (Q,) of a state's values from the fluctuation within the runs, or None if not estimated."""
         with h5py.File(self.path) as file:
+            self._group(file, mu_iso, family, "states", state, symbol)
             dataset = file.get(f"families/{family}/{mu_iso:g}/errors/{state}/{symbol}")
             return None if dataset is None else dataset[()]
 
     def state_replicates(self, state, symbol, mu_iso, family="coupled"):
         """Values (R, Q) of the single packings behind a state's averages, or None with one packing."""
         with h5py.File(self.path) as file:
+            self._group(file, mu_iso, family, "states", state, symbol)
             dataset = file.get(f"families/{family}/{mu_iso:g}/state_replicates/{state}/{symbol}")
             return None if dataset is None else dataset[()]
 
     def state_symbols(self, state, mu_iso, family="coupled"):
         """The quantities recorded at a state; empty if the campaign has no such stage."""
         with h5py.File(self.path) as file:
-            return tuple(file.get(f"families/{family}/{mu_iso:g}/states/{state}", ()))
+            return tuple(self._group(file, mu_iso, family).get(f"states/{state}", ()))
 
 
 def read_results(path) -> Results:
@@ -189,6 +217,8 @@ def read_results(path) -> Results:
     if isinstance(path, Results):
         return path
     path = Path(path)
+    if not path.is_file():
+        raise ResultsError(f"{path}: no such results file")
     try:
         with h5py.File(path) as file:
             attrs = _plain(file.attrs)
@@ -207,13 +237,7 @@ def read_results(path) -> Results:
                 diameters=file["grading/diameter"][()], grading=_plain(file["grading"].attrs),
             )  # fmt: skip
     except (OSError, KeyError) as error:
-        raise ResultsError(f"{path}: not a readable results file ({error})") from error
-
-
-def _group(file, name):
-    if name not in file:
-        raise ResultsError(f"{file.filename}: there is no {name}")
-    return file[name]
+        raise ResultsError(f"{path}: not a readable results file ({str(error).splitlines()[0]})") from error
 
 
 def _frame(group):

@@ -15,7 +15,7 @@ PROOFS = {
     "max_inertial_number": ("largest inertial number", 2.5e-3),
     "servo_mean_error": ("mean error of the confining stress", 0.01),
     "servo_max_error": ("largest error of the confining stress", 0.05),
-    "energy_error": ("energy balance error", 0.10),
+    "energy_error": ("energy balance error, as far as energies were summed", 0.10),
     "F_unb": ("unbalanced force", float("nan")),
 }
 

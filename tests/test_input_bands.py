@@ -121,9 +121,9 @@ def test_figures_and_report_show_the_band(results):
     plain = Figure().subplots()
     panels.state_pdfs(plain, read_results(synthetic.example()), "critical", "eta")
     assert not plain.collections
-    text = report.open_inputs(results)
+    text = report.input_bands(results)
     assert f"94 pairs say only so much about the inputs. They were resampled {DRAWS} times" in text
     row = input_bands.input_bands(results).iloc[0]
     for end in ("mean, from", "mean, to", "sd, from", "sd, to"):
         assert webpage.number(row[end]) in text
-    assert "there are no bands" in report.open_inputs(read_results(synthetic.example()))
+    assert "there are no bands" in report.input_bands(read_results(synthetic.example()))

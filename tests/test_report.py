@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
-from dataclasses import replace
+from dataclasses import asdict, replace
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -13,10 +13,11 @@ import pandas as pd
 import pytest
 import synthetic_results as synthetic
 
-from analysis import report, report_text, report_trust, tables, trust, webpage, weighted
+from analysis import report, report_setting, report_text, report_trust, tables, trust, webpage, weighted
 from analysis.figures import FIGURES
 from analysis.responses import build_results
 from analysis.results import read_results
+from campaign.config import SECTIONS
 
 
 class Page(HTMLParser):
@@ -121,11 +122,21 @@ def test_noise_and_widths_are_told(results):
     assert 0 < widths.loc[(0.04, "eta"), "width shown"] < widths.loc[(0.04, "eta"), "spread of points"]
 
 
+def test_the_report_says_which_test_it_is_and_where_it_is_not_the_papers(results):
+    asked = {name: asdict(kind()) for name, kind in SECTIONS.items()}
+    usual = report_setting.conditions(replace(results, attrs=results.attrs | {"settings": asked}))
+    assert len(usual) == 1 and "d50 = 0.248 mm" in usual[0] and "100 kPa" in usual[0] and "logarithmic" in usual[0]
+    asked["consolidation"]["sigma_3_kPa"] = 500.0
+    asked["dem"]["stiffness_scale"] = 0.01
+    other = report_setting.conditions(replace(results, attrs=results.attrs | {"settings": asked}))
+    assert "500 kPa instead of 100, 0.01 of the grains' stiffness" in other[1]
+
+
 def test_the_report_says_what_the_runs_used_and_which_setting_was_asked_for(results):
-    text = report_text.accuracy(results)
+    text = report_setting.accuracy(results)
     assert "none by name" in text and "27 spheres" in text and "inertial number 0.001" in text and "0.8" in text
     named = replace(results, attrs=results.attrs | {"config": '[dem]\naccuracy = "5%"\n'})
-    assert "the 5% setting" in report_text.accuracy(named)
+    assert "the 5% setting" in report_setting.accuracy(named)
 
 
 def test_tables_beside_the_results_are_shown(results, tmp_path):

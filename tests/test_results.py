@@ -55,10 +55,26 @@ def test_the_family_with_fixed_friction_has_its_own_points(campaign):
     assert results.response("eta", 0.04).std[-1] > 0.05
 
 
-@pytest.mark.parametrize("ask", [("nothing", 0.04, "coupled"), ("eta", 0.5, "coupled"), ("eta", 0.04, "none")])
-def test_a_name_that_is_not_there_is_one_clear_line(campaign, ask):
-    with pytest.raises(ResultsError, match=r"there is no \S+$"):
-        campaign[-1].response(*ask)
+@pytest.mark.parametrize(
+    ("method", "ask", "words"),
+    [
+        ("response", ("nothing", 0.04), "no 'nothing' in /families/coupled/0.04/responses, only .*eta"),
+        ("response", ("eta", 0.5), "coupled has no density mu_iso = 0.5, only .*0.04"),
+        ("response", ("eta", 0.04, "none"), "no family 'none', only .*coupled"),
+        ("state", ("critical", "G_0", 0.04), "no 'G_0' in .*critical, only .*eta"),
+        ("state_error", ("critical", "nothing", 0.04), "no 'nothing' in .*critical, only .*eta"),
+        ("filled", (0.04, "coupled", "end"), "no state 'end', only initial, peak, critical, probe"),
+        ("weights", (0.5,), "has no density"),
+        ("family_densities", ("none",), "no family"),
+        ("family_points", ("none",), "no family"),
+        ("consolidated", ("eta", 0.04), "consolidations have no 'eta', only e, e_m, Z, Z_m"),
+        ("consolidated", ("e", 0.5), "has no density"),
+    ],
+)
+def test_a_name_that_is_not_there_is_one_line_with_those_that_are(campaign, method, ask, words):
+    with pytest.raises(ResultsError, match=words) as told:
+        getattr(campaign[-1], method)(*ask)
+    assert "\n" not in str(told.value)
 
 
 def test_consolidations_weigh_alike_or_as_the_points_do(campaign):
@@ -83,7 +99,7 @@ def test_consolidations_take_the_familys_points_where_ids_repeat(campaign):
 
 
 def test_files_that_are_no_results_are_refused(tmp_path):
-    for content, words in ((b"text", "not a readable results file"), (None, "not a readable results file")):
+    for content, words in ((b"text", "not a readable results file"), (None, "no such results file")):
         path = tmp_path / "results.h5"
         if content:
             path.write_bytes(content)
