@@ -17,7 +17,7 @@ import matplotlib.pyplot as plt
 
 from analysis import pdem
 from analysis.quantities import QUANTITIES
-from analysis.results import read_results
+from analysis.results import ResultsError, read_results
 
 
 def main(path, picture):
@@ -39,4 +39,9 @@ def main(path, picture):
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:3])
+    if len(sys.argv) != 3:
+        sys.exit(f"usage: {sys.argv[0]} RESULTS.h5 PICTURE.png")
+    try:
+        main(*sys.argv[1:3])
+    except ResultsError as error:
+        sys.exit(str(error))
