@@ -27,7 +27,7 @@ class PlanError(ValueError):
 def prepare(config: Config, folder: Path) -> tuple[list[dict], str]:
     """The points of the campaign and a word on them: "chosen", "chosen anew" or "kept".
 
-    Raises PlanError, ConfigError or the analysis' own InputError and the like; then nothing has been written.
+    Raises PlanError, ConfigError or the analysis' own InputError and the like; then no run has been planned.
     """
     noted = read_json(folder / "inputs.json", {})
     if noted.get("digest") == inputs_digest(config) and (folder / "points.csv").exists():

@@ -203,3 +203,9 @@ def test_a_run_is_steady_only_where_that_is_known():
     """A drift of eta that hides in scatter is accepted while it is known to 5 %, not where nothing is known of it."""
     steady = {name for name, answer in yade_runs.scene("steady_rows").items() if answer}
     assert steady == {"still", "scatter"}
+
+
+def test_a_run_returns_only_when_its_last_step_has_ended():
+    """Else what a stage changes next reaches half of that step, now and then, and a run does not repeat."""
+    where = yade_runs.scene("stops")
+    assert 0 < where["returned"] < 100 and where["later"] == where["returned"]

@@ -65,7 +65,7 @@ def compress(p, history) -> None:
 
     def touched():
         if rve.stress().trace() / 3.0 > TOUCH * p.sigma_3:
-            O.pause()
+            rve.stop()
 
     rve.every(100, touched)
     rve.run(math.ceil(1.0 / rate / O.dt))
@@ -84,7 +84,7 @@ def ramp(p, history) -> None:
         goal = start + (p.sigma_3 - start) * done
         rve.engine("servo").goal = Vector3(-goal, -goal, -goal)
         if done == 1.0:
-            O.pause()
+            rve.stop()
 
     rve.every(50, raise_goal)
     rve.run(10**7)

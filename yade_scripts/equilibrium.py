@@ -51,7 +51,7 @@ class _Watch:
         self.overshoot = max(self.overshoot, float(ratio.mean()))
         self.rows.append((float(np.abs(ratio).max()), utils.unbalancedForce(), float(contact_counts().mean())))
         if len(self.rows) >= self.size and not self.failed(self.proof()):
-            O.pause()
+            rve.stop()
 
     def proof(self) -> dict[str, float]:
         error, force, z = np.array(self.rows[-self.size :]).T

@@ -201,11 +201,20 @@ def every(period: int, call) -> None:
             call()
         except BaseException as error:
             __main__.rve_watch_error = error
-            O.pause()
+            stop()
 
     __main__.rve_watch, __main__.rve_watch_error = guarded, None
     watch = engine("watch")
     watch.iterPeriod, watch.command, watch.dead = max(1, int(period)), "rve_watch()", False
+
+
+def stop() -> None:
+    """End `run` with the step that is under way; to be called from within it, by what `every` calls.
+
+    O.pause() lets `run` return when it next looks, in some runs of a hundred while the step is still integrated: what
+    the stage then changes would reach half of that step, and the same run twice would not be the same.
+    """
+    O.stopAtIter = O.iter + 1
 
 
 def run(steps: int) -> None:

@@ -45,7 +45,7 @@ def protocol(p, product) -> None:
             wanted.pop(0)
         if windows.full() or (p.stop_when_steady and is_steady(windows.rows)):
             product.snapshots.append(snapshot("end", sample["eps_a"]))
-            O.pause()
+            rve.stop()
         else:
             checkpoint.save_when_due(windows)
 

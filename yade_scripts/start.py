@@ -60,7 +60,7 @@ def stiffen(p) -> None:
         scale_modulus(goal / reached)
         reached = goal
         if done == 1.0:
-            O.pause()
+            rve.stop()
 
     rve.engine("newton").damping = DAMPING
     rve.servo_isotropic(p, p.sigma_3, equilibrium.MAX_RATE_I / equilibrium.inertial_time(p))

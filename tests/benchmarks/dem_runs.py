@@ -32,7 +32,7 @@ LONG_DOUBLE = ROOT / "tests" / "yade_scenes" / "in_long_double.py"
 #: The analysis that makes a row of a run, beside the scripts that make the run.
 MEASURING = ("run_states", "triaxial", "stiffness", "micromechanics", "rearrangement")
 #: Scripts whose runs repeat earlier ones' to the last digit (`bench_dem.py --again`); rows go by the earlier name.
-SAME_NUMBERS = {"bc21a3e181": "168d003437"}
+SAME_NUMBERS = {"87c902970b": "168d003437"}
 #: A stated reason that tells of a bug, not of physics.
 BUG = re.compile(r"\w*(Error|Exception|Interrupt)\b")
 _busy: dict[str, threading.Lock] = defaultdict(threading.Lock)  # one a file, so that threads share its run
