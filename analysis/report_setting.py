@@ -7,7 +7,6 @@ import tomllib
 import numpy as np
 
 from analysis import paper
-from analysis.quantities import QUANTITIES
 
 
 def conditions(results) -> list[str]:
@@ -19,10 +18,10 @@ def conditions(results) -> list[str]:
     end = float(results.strain[-1])
     told = (
         f"The test: spheres, {grains['distribution'].replace('_', ' ')} with d50 = {grains['d50_mm']:g} mm and a "
-        f"standard deviation of ln d of {grains['sigma_ln']:g} by mass, {QUANTITIES['nu'].name.lower()} "
-        f"{material['nu']:g}, consolidated isotropically to {stress:g} kPa and sheared drained in triaxial compression "
-        f"at that confining stress. Strains are logarithmic: the last, {100 * end:.3g} %, is "
-        f"{100 * (1 - np.exp(-end)):.3g} % of the height."
+        f"standard deviation of ln d of {grains['sigma_ln']:g} by mass, Poisson's ratio {material['nu']:g}, "
+        f"consolidated isotropically to {stress:g} kPa and sheared drained in triaxial compression at that confining "
+        f"stress. Strains are logarithmic: the last, {100 * end:.3g} %, is {100 * (1 - np.exp(-end)):.3g} % of the "
+        "height."
     )
     graded = grains["distribution"] == "lognormal" and abs(grains["sigma_ln"] - paper.SIGMA_LN) < 5e-3
     other = [
