@@ -102,7 +102,7 @@ class Dem:
 @dataclass(frozen=True)
 class Families:
     G_p_only: bool = key(False, bool, doc="a second family with mu_s fixed beside that with both as measured")
-    mu_s_fixed: float = key(0.25, float, 0.0, 1.5, doc="friction of the second family")
+    mu_s_fixed: float = key(0.25, float, 1e-3, 1.5, doc="friction of the second family")
     G_p_points: int = key(-1, int, -1, 10_000, doc="points of the second family; -1: all")
 
 

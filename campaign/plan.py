@@ -17,6 +17,7 @@ from pathlib import Path
 
 from campaign.config import ROOT, Config
 from campaign.files import read_json, write_json, write_text
+from campaign.prepare import grains_file
 
 #: Raised for a stage whenever its script computes something else from the same parameters.
 PROTOCOL = {"consolidate": 4, "probe": 4, "shear": 5}
@@ -105,7 +106,7 @@ def _chain(rows, config: Config, family: str, packing: int, mu_iso: float, point
     rows.setdefault(first.run_id, first)
     swapped = common | {"mu_s": mu_s, "damping": dem.damping, "heterogeneity": config.material.heterogeneity}
     if config.material.heterogeneity == "grain":
-        swapped["grains"] = f"grains_{point['id']}.h5"
+        swapped["grains"] = grains_file(config, point["id"])
     probe_only = {"probe_strain": config.probe.strain}
     probe = _row(config, "probe", family, point["id"], where, mu_s, point["G_p"], first.run_id, swapped | probe_only)
     rows.setdefault(probe.run_id, probe)

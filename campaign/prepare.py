@@ -1,7 +1,7 @@
 """Before the first run: fit the inputs, choose the points, make the assemblies; once, and never again by accident.
 
 `prepare` writes points.csv (id, mu_s, G_p, probability), inputs.json (what was fitted), assembly_<seed>.h5, and where
-every grain shall have properties of its own, grains_<point>.h5.  As long
+every grain shall have properties of its own, grains_<point>_<hash>.h5.  As long
 as the settings of [inputs] and [points] and the pairs stay the same, the points stay the same.
 """
 
@@ -27,20 +27,19 @@ class PlanError(ValueError):
 def prepare(config: Config, folder: Path) -> tuple[list[dict], str]:
     """The points of the campaign and a word on them: "chosen", "chosen anew" or "kept".
 
-    Raises PlanError, ConfigError or the analysis' own InputError and the like; then no run has been planned.
+    Raises PlanError, ConfigError or the analysis' own InputError and the like; then nothing has been written.
     """
     noted = read_json(folder / "inputs.json", {})
-    if noted.get("digest") == inputs_digest(config) and (folder / "points.csv").exists():
-        points, word = read_points(folder), "kept"
-    else:
-        word = "chosen anew" if noted else "chosen"
-        points, noted = _choose(config)
+    kept = noted.get("digest") == inputs_digest(config) and (folder / "points.csv").exists()
+    word = "kept" if kept else "chosen anew" if noted else "chosen"
+    points, noted = (read_points(folder), noted) if kept else _choose(config)
+    if config.material.heterogeneity == "grain":
+        _sample_grains(config, folder, points, noted, anew=not kept)
+    if not kept:
         text = points_text(points)
         write_text(folder / "points.csv", text)
         write_json(folder / "inputs.json", noted | points_note(config, text))
     _make_assemblies(config, folder)
-    if config.material.heterogeneity == "grain":
-        _sample_grains(config, folder, points, noted)
     write_text(folder / "config.toml", config.text)
     return points, word
 
@@ -63,12 +62,13 @@ def read_planned_points(config: Config, folder: Path) -> list[dict]:
     """The points of a plan made from these very inputs.  Raises PlanError if there is none, or if they changed."""
     points = read_points(folder)
     if read_json(folder / "inputs.json", {}).get("digest") != inputs_digest(config):
-        raise PlanError(f"{folder}: [inputs], [points] or the pairs changed since the points were chosen; run `plan`")
+        raise PlanError(f"{folder}: [inputs], [points], the pairs or (with E_p_GPa) material.nu "
+                        "changed since the points were chosen; run `plan`")
     return points
 
 
 def inputs_digest(config: Config) -> str:
-    """What the points depend on: [inputs], [points] and the bytes of the pairs file."""
+    """What the points depend on: [inputs], [points], the bytes of the pairs file, and with E_p_GPa material.nu."""
     settings = json.dumps({"inputs": asdict(config.inputs), "points": asdict(config.points)}, sort_keys=True)
     pairs = config.pairs_path.read_bytes()
     nu = f"nu {config.material.nu}" if b"E_p_GPa" in pairs else ""  # G_p of a measured Young's modulus depends on it
@@ -153,26 +153,32 @@ def _make_assemblies(config: Config, folder: Path) -> None:
         write_json(note, made_with)
 
 
-def _sample_grains(config: Config, folder: Path, points: list[dict], noted: dict) -> None:
-    """grains_<point>.h5: a pair (mu_s, G_p) of its own for every grain, drawn from the fitted joint distribution."""
+def grains_file(config: Config, point: int) -> str:
+    """Name of the file with a point's per-grain properties; it carries what they are drawn with, and so do run ids."""
+    drawn_with = json.dumps([asdict(config.inputs), config.material.nu, config.assembly.N], sort_keys=True)
+    return f"grains_{point}_{_digest(drawn_with.encode())[:8]}.h5"
+
+
+def _sample_grains(config: Config, folder: Path, points: list[dict], noted: dict, *, anew: bool) -> None:
+    """A pair (mu_s, G_p) of its own for every grain, drawn from the fitted joint distribution; checked before written.
+
+    Raises PlanError for a value at or below zero.  Files that are there are kept, unless the points are chosen `anew`.
+    """
     import h5py
     import numpy as np
 
     from analysis.joint import Joint
 
-    joint = Joint.from_dict(noted["joint"])
-    made_with = {"N": config.assembly.N, "seed": config.inputs.seed, "joint": noted["joint"]}
-    note = folder / "tables" / "grains.json"
-    kept = read_json(note) == made_with
+    joint, drawn = Joint.from_dict(noted["joint"]), {}
     for point in points:
-        path = folder / f"grains_{point['id']}.h5"
-        if kept and path.exists():
-            continue
-        rng = np.random.default_rng([config.inputs.seed, point["id"]])
-        grains = joint.sample(config.assembly.N, rng)
-        _refuse_impossible(grains, joint, f"the {len(grains)} grains of point {point['id']}", config)
+        path = folder / grains_file(config, point["id"])
+        if anew or not path.exists():
+            rng = np.random.default_rng([config.inputs.seed, point["id"]])
+            drawn[path] = joint.sample(config.assembly.N, rng)
+            _refuse_impossible(drawn[path], joint, f"the {config.assembly.N} grains of point {point['id']}", config)
+    for path, grains in drawn.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
         part = path.with_suffix(".part")
         with h5py.File(part, "w") as file:
             file["mu_s"], file["G_p"] = grains.T
         part.replace(path)
-    write_json(note, made_with)

@@ -101,12 +101,12 @@ def job_script(config: Config, folder: Path, stage: str, base: str, tasks: int, 
 
 
 def queued_rows(folder: Path) -> dict[str, str]:
-    """Run id -> "queued" for every row whose task waits or runs in SLURM now ({} without SLURM or submissions).
+    """Run id -> "queued" for every row whose task waits or runs in SLURM now ({} where nothing was submitted).
 
     Raises RunError when SLURM does not answer: no queue known is not an empty queue.
     """
     noted = read_json(folder / NOTE, [])
-    if not noted or shutil.which("squeue") is None:
+    if not noted:
         return {}
     status, listed, said = _asked("squeue", "--me", "-h", "-r", "-o", "%F %K %T")
     if status:

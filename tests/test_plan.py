@@ -230,11 +230,30 @@ def test_properties_of_grains_are_drawn_anew_when_their_number_or_distribution_c
     text = synthetic_runs.write_config(tmp_path, n=8).read_text() + "[material]\nheterogeneity = 'grain'\n"
     config, folder = parse_config(text, tmp_path / "t.toml"), tmp_path / "run"
 
-    def drawn(**inputs):
-        prepare(replace(config, inputs=replace(config.inputs, **inputs)), folder)
-        with h5py.File(folder / "grains_3.h5") as file:
-            return file["mu_s"][()]
+    def drawn(N=64, **inputs):
+        asked = replace(config, inputs=replace(config.inputs, **inputs), assembly=replace(config.assembly, N=N))
+        points, _ = prepare(asked, folder)
+        shear = next(r for r in make_rows(asked, points) if r.stage == "shear" and r.point == 3)
+        with h5py.File(folder / shear.values["grains"]) as file:
+            return file["mu_s"][()], shear.run_id
 
-    first = drawn()
-    assert len(first) == config.assembly.N and np.array_equal(drawn(), first)
-    assert not np.array_equal(drawn(marginals=("gamma",)), first)
+    first, run_id = drawn()
+    assert len(first) == 64 and np.array_equal(drawn()[0], first) and drawn()[1] == run_id
+    assert len(drawn(N=65)[0]) == 65
+    for other in ({"marginals": ("gamma",)}, {"seed": 2}):
+        grains, other_id = drawn(**other)
+        assert not np.array_equal(grains, first) and other_id != run_id
+    assert np.array_equal(drawn()[0], first)
+
+
+def test_grains_of_negative_friction_are_refused_and_nothing_is_written(tmp_path):
+    """Eight points may all be positive where a few of many grains are not."""
+    rng = np.random.default_rng(1)
+    pairs = zip(np.abs(rng.normal(0.3, 0.1, 60)), rng.normal(30, 5, 60), strict=True)
+    (tmp_path / "pairs.csv").write_text("mu_s,G_p_GPa\n" + "\n".join(f"{mu:.4f},{G:.3f}" for mu, G in pairs) + "\n")
+    text = '[inputs]\npairs = "pairs.csv"\nbootstrap = 19\nmarginals = ["normal"]\n[points]\nn = 8\n'
+    prepare(parse_config(text, tmp_path / "t.toml"), tmp_path / "specimen")
+    grain = text + "[assembly]\nN = 2000\n[material]\nheterogeneity = 'grain'\n"
+    with pytest.raises(PlanError, match=r"of the 2000 grains of point \d at or below zero"):
+        prepare(parse_config(grain, tmp_path / "t.toml"), tmp_path / "run")
+    assert not (tmp_path / "run").exists()

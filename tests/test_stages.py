@@ -149,16 +149,23 @@ def test_response_depends_on_stiffness_over_stress_alone(folder):
         np.testing.assert_allclose(four[symbol], one[symbol], rtol=1e-6, err_msg=symbol)
 
 
-def test_a_killed_run_goes_on_from_its_checkpoint(folder):
-    """SIGKILL after the first checkpoint; the second start ends it with a gapless record and says so."""
-    row = SHEAR | {"description": "killed", "checkpoint_seconds": 0.2, "strain_end": 0.1}
-    yade_runs.stage_killed_when("shear", folder, folder / "killed.checkpoint", **row)
-    assert not (folder / "killed.h5").exists() and (folder / "killed.checkpoint").exists()
+@pytest.mark.parametrize("energy_strain", [0.05, 0.001])
+def test_a_killed_run_goes_on_from_its_checkpoint(folder, energy_strain):
+    """SIGKILL after the first checkpoint; the second start ends it with a gapless record and says so.
+
+    Energies are still summed when it is killed, or no longer.
+    """
+    name = f"killed_{energy_strain:g}"
+    row = SHEAR | {"description": name, "checkpoint_seconds": 0.2, "strain_end": 0.1, "energy_strain": energy_strain}
+    yade_runs.stage_killed_when("shear", folder, folder / f"{name}.checkpoint", **row)
+    assert not (folder / f"{name}.h5").exists() and (folder / f"{name}.checkpoint").exists()
     done = yade_runs.stage("shear", folder, **row)
     assert done.returncode == 0, done.stderr
-    run = read_run(folder / "killed.h5")
-    assert run.attrs["resumed"] == 1 and not (folder / "killed.checkpoint").exists()
+    run = read_run(folder / f"{name}.h5")
+    assert run.attrs["resumed"] == 1 and not (folder / f"{name}.checkpoint").exists()
     assert np.all(np.diff(run.record["eps_a"]) > 0) and run.proofs["energy_error"] < 0.01
+    beyond = run.record["eps_a"] > energy_strain
+    assert np.array_equal(np.isnan(run.record["E_friction"]), beyond) and beyond.any()
 
 
 @pytest.mark.parametrize(

@@ -13,12 +13,13 @@ I_LIMIT = 2.5e-3  # quasi-static below, always
 SERVO_FROM = 0.01  # strain after which the start of shear is forgotten and the servo must hold
 SERVO_WINDOW_LIMIT, SERVO_LIMIT = 0.01, 0.05  # mean of a window; any sample
 ENERGY_LIMIT = 0.10  # energy that the integration itself makes, over the work put in: grows with step and rate
+ENERGY = "energy balance: error over the work put in"
 STEADY_FROM, STEADY_WINDOW = 0.25, 0.10  # strain from which, and over which, the critical state must be steady
 STEADY_E, STEADY_ETA = 0.01, 0.05  # drift of e over that part, and what the drift of eta must be known to
 
 
 def check_shear(p, sample: dict, windows) -> None:
-    """Refuse at once what can't come right again: NaN or exploding stress, a lost servo."""
+    """Refuse at once what can't come right again: NaN or exploding stress, a lost servo, energy out of nothing."""
     strain, sigma = sample["eps_a"], sample["sigma"]
     if not np.all(np.isfinite(sigma)):
         raise ProofError(f"blow-up: the stress is not finite at strain {strain:.4g}")
@@ -28,6 +29,8 @@ def check_shear(p, sample: dict, windows) -> None:
         return
     row = windows.rows[-1]
     _limit("servo lost: |mean sigma_3 / target - 1|", abs(row["servo_mean"]), 5.0 * SERVO_WINDOW_LIMIT, strain)
+    if windows.balance is not None:
+        _limit(ENERGY, windows.balance[0], ENERGY_LIMIT, windows.balance[1])
 
 
 def shear_proofs(p, windows) -> dict[str, float]:
@@ -35,12 +38,12 @@ def shear_proofs(p, windows) -> dict[str, float]:
     record = windows.arrays()
     strain = record["eps_a"]
     late = strain > SERVO_FROM if strain[-1] > SERVO_FROM else strain > 0.0
-    end = float(strain[-1])
+    end, (energy_error, energy_strain) = float(strain[-1]), windows.energy_balance()
     figures = dict(
         max_inertial_number=float(record["I"][1:].max()),
         servo_mean_error=float(np.abs(record["servo_mean"][late]).max()),
         servo_max_error=float(record["servo_max"][late].max()),
-        energy_error=float(windows.energy_error()),
+        energy_error=energy_error,
         F_unb=float(record["F_unb"][late].mean()),
         **steadiness(windows.rows),
     )
@@ -48,7 +51,7 @@ def shear_proofs(p, windows) -> dict[str, float]:
     if end > SERVO_FROM:
         _limit("servo: |mean sigma_3 / target - 1| of a window", figures["servo_mean_error"], SERVO_WINDOW_LIMIT, end)
         _limit("servo: |sigma_3 / target - 1| of a sample", figures["servo_max_error"], SERVO_LIMIT, end)
-    _limit("energy balance: error over the work put in", figures["energy_error"], ENERGY_LIMIT, end)
+    _limit(ENERGY, energy_error, ENERGY_LIMIT, energy_strain)
     return figures
 
 

@@ -123,7 +123,7 @@ class Windows:
         energies = dict.fromkeys(_ENERGIES, math.nan) if self.balance is not None else self._spent()
         self.rows.append(row | energies | {"W_boundary": self.work, "servo_max": self.servo_max})
         if self.balance is None and len(self.rows) > 1 and self.edges[len(self.rows) - 2] > self.p.energy_strain - 1e-9:
-            self.balance = self._balance()
+            self.balance = self.energy_balance()
             rve.contact_law().calcEnergy = O.trackEnergy = False
         self._open()
 
@@ -149,16 +149,17 @@ class Windows:
         """The energies, friction and damping since the start of shear."""
         return {key: value + self.offset.get(key, 0.0) for key, value in self._energies().items()}
 
-    def energy_error(self) -> float:
-        """Error of the energy balance over the work put in, up to `energy_strain` or the end of the record."""
-        return self._balance() if self.balance is None else self.balance
+    def energy_balance(self) -> tuple[float, float]:
+        """|boundary work - (elastic + kinetic + friction + damping)| over the work put in, and the strain it is of.
 
-    def _balance(self) -> float:
-        """|boundary work - (elastic + kinetic + friction + damping)| over the work put in, at the last row."""
+        That where the energies' sums ended, or before, that of the last row.
+        """
+        if self.balance is not None:
+            return self.balance
         end, start = self.rows[-1], self.energy_0
         spent = end["E_elastic"] - start["E_elastic"] + end["E_friction"] + end["E_damping"]
         spent += utils.kineticEnergy() - start["E_kinetic"]
-        return abs(end["W_boundary"] - spent) / abs(end["W_boundary"])
+        return abs(end["W_boundary"] - spent) / abs(end["W_boundary"]), float(end["eps_a"])
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Every recorded quantity as an array (T, ...)."""

@@ -139,10 +139,12 @@ def fill(case: tuple, settings: list[str]) -> None:
 
 
 def again(settings: list[str], jobs: int) -> None:
-    """Run rows once more with the scripts as they are: every number must repeat, and only times become the new ones."""
+    """Run rows once more with the scripts as they are: every number must repeat; those of NOT_REPEATED are taken anew."""
     table = pd.read_csv(ROWS, dtype=str, keep_default_na=False)
     mine = table[(table.scripts == row_digest()) & table.setting.isin(settings)]
     cases = list(zip(mine.setting, mine.packing.astype(int), mine.mu_iso.astype(float), mine.point, strict=True))
+    if not cases:
+        sys.exit(f"{ROWS}: no row of {', '.join(settings)} to repeat")
     with ThreadPoolExecutor(jobs) as pool:
         rows = list(pool.map(lambda case: measured(*case), cases))
     other = []
@@ -154,7 +156,7 @@ def again(settings: list[str], jobs: int) -> None:
         else:
             table.loc[index, list(new)] = list(new.values())
     table.to_csv(ROWS, index=False, lineterminator="\n")
-    print(f"{len(cases) - len(other)} of {len(cases)} rows repeat every number")
+    print(f"{len(cases) - len(other)} of {len(cases)} rows repeat every number but {', '.join(NOT_REPEATED)}")
     if other:
         sys.exit("not repeated, left as they were: " + "; ".join(other))
 
