@@ -139,7 +139,7 @@ def fill(case: tuple, settings: list[str]) -> None:
 
 
 def again(settings: list[str], jobs: int) -> None:
-    """Run rows once more with the scripts as they are: every number must repeat; those of NOT_REPEATED are taken anew."""
+    """Run rows once more with the scripts as they are: all must repeat; NOT_REPEATED is taken anew."""
     table = pd.read_csv(ROWS, dtype=str, keep_default_na=False)
     mine = table[(table.scripts == row_digest()) & table.setting.isin(settings)]
     cases = list(zip(mine.setting, mine.packing.astype(int), mine.mu_iso.astype(float), mine.point, strict=True))
