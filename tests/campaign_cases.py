@@ -141,3 +141,15 @@ def finish(small: Small, *but: Row) -> Small:
         if row not in but:
             synthetic_runs.write_product(small.folder, row, Path(small.fake["products"], f"{row.stage}.h5"))
     return small
+
+
+#: An sbatch that notes what it was given, and numbers its jobs.
+SUBMIT = 'echo "$2" >> submitted.txt; wc -l < submitted.txt'
+
+
+def slurm_of(folder: Path, **commands: str) -> str:
+    """A search path that begins with these stand-ins for SLURM's commands."""
+    for name, text in commands.items():
+        (folder / name).write_text(f"#!/bin/sh\n{text}\n")
+        (folder / name).chmod(0o755)
+    return f"{folder}:{os.environ['PATH']}"

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 
 import h5py
 import numpy as np
 import pytest
 import synthetic_results as synthetic
 import synthetic_runs
+from campaign_cases import SUBMIT, slurm_of
 
 from analysis import report_text, stopping
 from analysis.results import read_results
@@ -207,10 +207,7 @@ def test_good_targets_are_those_of_the_stopping_rule(given):
 def test_the_cluster_gets_one_batch_at_a_time(tmp_path, monkeypatch):
     """A stand-in for sbatch that numbers jobs; each submission is what an earlier one left to do."""
     case = Case(tmp_path, "2%", noise=0.15, n=14)
-    stand_in = tmp_path / "sbatch"
-    stand_in.write_text('#!/bin/sh\necho "$2" >> submitted.txt\nwc -l < submitted.txt\n')
-    stand_in.chmod(0o755)
-    monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
+    monkeypatch.setenv("PATH", slurm_of(tmp_path, sbatch=SUBMIT, squeue="exit 0"))
 
     def submit():
         step = enough.next_step(case.config, case.folder, case.rows, case.said.append)

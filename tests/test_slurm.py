@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
-from campaign_cases import ROOT, make_real, make_small, plan_real, undisturbed
+from campaign_cases import ROOT, SUBMIT, make_real, make_small, plan_real, slurm_of, undisturbed
 from kill_runs import compare
 
 from campaign.config import read_config
@@ -22,10 +22,6 @@ with_slurm = pytest.mark.skipif(
     shutil.which("sinfo") is None or subprocess.run(["sinfo"], capture_output=True).returncode != 0,
     reason=os.environ.get("NO_SLURM") or "no SLURM answers here; `make slurm-test` sets one up",
 )
-
-
-#: An sbatch that notes what it was given, and numbers its jobs.
-SUBMIT = 'echo "$2" >> submitted.txt; wc -l < submitted.txt'
 
 
 def test_rows_are_packed_in_order_up_to_the_time_given(tmp_path):
@@ -54,7 +50,7 @@ def test_task_runs_the_lines_of_its_own_table(tmp_path):
     """The script as SLURM would run it, one array task after the other."""
     small = make_small(tmp_path, more="[run.slurm]\npack = 0.2\n")
     submitted = []
-    env = small.env(PATH=_slurm_of(tmp_path, sbatch=SUBMIT, squeue="exit 0"))
+    env = small.env(PATH=slurm_of(tmp_path, sbatch=SUBMIT, squeue="exit 0"))
     done = subprocess.run(small.line("run", "--engine", "slurm"), env=env, capture_output=True, text=True,
                           cwd=ROOT)  # fmt: skip
     assert done.returncode == 0 and "4 shear in" in done.stdout, done.stderr
@@ -78,21 +74,13 @@ def test_slurm_missing_is_one_line(tmp_path):
 def test_a_queue_that_does_not_answer_is_not_an_empty_one(tmp_path):
     """Nothing is submitted twice, and status says so in a line."""
     small = make_small(tmp_path)
-    path = {"PATH": _slurm_of(tmp_path, sbatch=SUBMIT, squeue="exit 1")}
+    path = {"PATH": slurm_of(tmp_path, sbatch=SUBMIT, squeue="exit 1")}
     assert small.command("run", "--engine", "slurm", **path).returncode == 0
     again = small.command("run", "--engine", "slurm", **path)
     assert again.returncode == 2 and "squeue: failed; what waits in the queue is not known" in again.stderr
     assert "Traceback" not in again.stderr and len((small.folder / "submitted.txt").read_text().split()) == 3
     status = small.command("status", **path)
     assert status.returncode == 0 and "is not known" in status.stdout and "without a product" not in status.stdout
-
-
-def _slurm_of(folder: Path, **commands: str) -> str:
-    """A search path that begins with these stand-ins for SLURM's commands."""
-    for name, text in commands.items():
-        (folder / name).write_text(f"#!/bin/sh\n{text}\n")
-        (folder / name).chmod(0o755)
-    return f"{folder}:{os.environ['PATH']}"
 
 
 def _queue() -> dict[tuple[str, int], str]:
