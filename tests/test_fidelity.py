@@ -31,7 +31,7 @@ def rows(bias, scatter, rungs=(("laptop", 1000, 4), ("N = 8000", 8000, 1), ("rat
                 factor = (1 + (bias if name == "laptop" else 0.0)) * (1 + noise * rng.normal())
                 case = {"rung": name, "N": N, "packing": packing, "mu_iso": 0.04, "point": f"p{k}"}
                 out.append(case | {"failure": np.nan} | dict.fromkeys(NAMES, (0.5 + 0.1 * k) * factor))
-    return pd.DataFrame(out)
+    return pd.DataFrame(out).astype({"failure": object})
 
 
 def test_bias_and_scatter_are_found_apart():
@@ -154,7 +154,7 @@ def test_gradings_and_own_pairs_stand_beside_what_they_are_compared_with():
         + [beyond(bench_beyond.OWN_PAIRS, "median", 1, d, 1.1 + 0.01 * (d - 2)) for d in (1, 2, 3)]
     )
     table = bench_beyond.compared(frame).set_index(["case", "response"]).sort_index()
-    gap, own = table.loc[("gap graded", "Z")].iloc[0], table.loc[(bench_beyond.OWN_PAIRS, "e")].iloc[0]
+    gap, own = table.loc[[("gap graded", "Z")]].iloc[0], table.loc[[(bench_beyond.OWN_PAIRS, "e")]].iloc[0]
     assert gap["difference (%)"] == pytest.approx(10) and np.isnan(gap["scatter between draws (%)"])
     assert own["difference (%)"] == pytest.approx(100 * (1.1 / 0.9 - 1)) and own["runs"] == 3
     assert own["mean of the other"] == pytest.approx(0.9)

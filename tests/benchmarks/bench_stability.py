@@ -297,6 +297,7 @@ def judged(rows: pd.DataFrame) -> pd.DataFrame:
     fallen = pd.Series([collapses(cases.get(_name(row), BASE)) for _, row in rows.iterrows()], rows.index)
     said = fallen & near & ~known.drop(columns="e").any(axis=1)
     verdict = np.select([words == "", ~known.any(axis=1), said], ["right", "open", "said"], "wrong")
+    rows[["reason", "outcome"]] = rows[["reason", "outcome"]].astype(object)  # an empty column is one of numbers
     rows.loc[compared, "reason"] = words[compared]
     rows.loc[compared, "outcome"] = verdict[compared]
     return rows
