@@ -92,11 +92,9 @@ class Results:
 
     def _group(self, file, mu_iso, family, *names):
         """A family's density, or what it has below; ResultsError says what there is in place of what is missing."""
-        known = self._densities(file, family)
-        if f"{mu_iso:g}" not in (names_known := [f"{m:g}" for m in known]):
-            raise ResultsError(
-                f"{self.path}: {family} has no density mu_iso = {mu_iso:g}, only {', '.join(names_known)}"
-            )
+        densities = [f"{m:g}" for m in self._densities(file, family)]
+        if f"{mu_iso:g}" not in densities:
+            raise ResultsError(f"{self.path}: {family} has no density mu_iso = {mu_iso:g}, only {', '.join(densities)}")
         group = file[f"families/{family}/{mu_iso:g}"]
         for name in names:
             if name not in group:

@@ -83,8 +83,8 @@ class Windows:
     `rows` holds the finished windows, row 0 the state before shear; `sums` the open one.  Both are plain data, so
     that a checkpoint can carry them: `to_dict` and `restore`.
 
-    Energies are summed up to `energy_strain` only: they cost a tenth of the steps' time, and a step too large for its
-    packing shows there or by its stress.
+    Energies are summed up to `energy_strain` only: they take a tenth of a step's instructions, and a step too large
+    for its packing shows there or by its stress.
     """
 
     def __init__(self, p):
