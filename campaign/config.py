@@ -77,7 +77,7 @@ class Consolidation:
 class Shear:
     strain_end: float = key(0.40, float, 0.001, 1.0, doc="axial strain, logarithmic: 0.40 is 33 % of the height")
     inertial_number: float = key(
-        1e-3, float, 1e-6, 2.5e-3, doc="rate of shear over d50 sqrt(rho / p'); lowered above mu_s = 0.3, see rve.py"
+        1e-3, float, 1e-6, 2.5e-3, doc="strain rate times d50 sqrt(rho / p'); lower above mu_s = 0.3, see rve.py"
     )
     windows: int = key(0, int, 0, 10_000, doc="output windows; 0: by the scripts, finer where curves are steep")
     energy_strain: float = key(0.0, float, 0.0, 1.0, doc="energies are summed up to it; 0: by the scripts, 5 %")
