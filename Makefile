@@ -2,6 +2,8 @@
 PYTHON ?= /usr/bin/python3
 CAMPAIGN ?= campaign/demo.toml
 VENVS = .venvs
+#: What `make style` runs; fixed versions, since a newer one may find more.
+STYLE = ruff==0.17.6 mypy==2.4.1 codespell==2.4.3 numpy==2.4.6
 ANALYSIS = python3-h5py python3-pandas python3-scipy python3-matplotlib
 DEBIAN = yade $(ANALYSIS) python3-pytest
 #: Paths that the Debian packages above put in place: all there, nothing to install.
@@ -43,9 +45,14 @@ test-newest: setup ## the analysis and its tests on the newest numpy, scipy, pan
 	  print(*(f'{p.__name__} {p.__version__}' for p in (numpy, scipy, pandas, h5py, m)), sep=', ')"
 	@$(VENVS)/newest/bin/python -m pytest -q -m "not long and not yade"
 
-style: ## the style check (settings in pyproject.toml)
-	@[ -x $(VENVS)/style/bin/ruff ] || { $(call new_venv,style) && $(VENVS)/style/bin/pip install -q ruff; }
-	@$(VENVS)/style/bin/ruff check .
+style: ## lint, format, type hints and spelling (settings in pyproject.toml)
+	@[ -x $(VENVS)/style/bin/mypy ] && [ -x $(VENVS)/style/bin/codespell ] || { $(call new_venv,style) && \
+	  $(VENVS)/style/bin/pip install -q $(STYLE); }
+	@$(VENVS)/style/bin/ruff check -q .
+	@$(VENVS)/style/bin/ruff format -q --check .
+	@$(VENVS)/style/bin/mypy
+	@$(VENVS)/style/bin/codespell
+	@echo "style: lint, format, type hints and spelling are good"
 
 bench-dem: setup ## the DEM protocol's run time against error; resumable, writes data/benchmarks
 	@$(PYTHON) tests/benchmarks/bench_dem.py
@@ -54,7 +61,7 @@ stress: setup ## the stability map of the DEM protocol; writes data/benchmarks
 	@$(PYTHON) tests/benchmarks/bench_stability.py
 
 slurm-test: setup ## the default campaign through a real one-node SLURM from Debian's packages (root; CAMPAIGN=: nine short runs)
-	@sh tests/slurm_node.sh env SLURM_TEST_CAMPAIGN=$(CAMPAIGN) $(PYTHON) -m pytest -q -m long tests/test_slurm.py
+	@sh tests/support/slurm_node.sh env SLURM_TEST_CAMPAIGN=$(CAMPAIGN) $(PYTHON) -m pytest -q -m long tests/campaign/test_engine_slurm.py
 
 clean: ## remove caches and virtual environments (never runs/)
 	@rm -rf $(VENVS) .pytest_cache .ruff_cache build

@@ -1,29 +1,32 @@
-"""The one assembly that all runs of a campaign share: grading -> sphere sizes and first positions, not yet touching.
+"""The assembly that all runs of a campaign share: sphere sizes of a grading and first positions without contacts.
 
-Sizes are quantiles of the grading, not draws from it, so that even 400 spheres have the d50 and the grading index asked
-for.  Positions are random, then pushed apart as soft spheres in the periodic cell until no pair touches.
+Sizes are quantiles of the grading, not random draws, so that even 400 spheres have the requested d50 and grading index.
+Positions are random; soft spheres in the periodic cell then move apart until no pair touches.
 """
 
 from __future__ import annotations
 
-import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
 
-from analysis.quantities import QUANTITIES
+from .errors import GrainScatterError
+from .files import atomic_write, open_hdf5
+from .quantities import QUANTITIES
 
 DISTRIBUTIONS = ("lognormal", "loguniform", "well_graded", "gap_graded")
-#: Solid fraction of the densest start that is read: grains squeezed into more overlap, and shake themselves denser as
-#: they part (overlaps of 10 % end with e a tenth too low), which no proof of equilibrium can see.
+#: Solid fraction of the densest start that is read.  Denser spheres overlap, and the packing becomes denser while they
+#: separate: overlaps of 10 % give e a tenth too low, which no proof of equilibrium detects.
 DENSEST_START = 0.60
 _FORMAT = "dem-assembly"
 
 
-class AssemblyError(ValueError):
-    """An assembly that cannot be made, or a file that does not hold one."""
+class AssemblyError(GrainScatterError):
+    """An assembly that cannot be made, or a file that does not contain one."""
 
 
 @dataclass(frozen=True)
@@ -46,11 +49,11 @@ def make_assembly(
     size_ratio: float = 4.0,
     fines: float = 0.25,
 ) -> Assembly:
-    """N spheres of a given grading at random places of a periodic cube, none touching another.
+    """N spheres of a given grading at random positions in a periodic cube, without contacts.
 
-    d50 in m is the median by mass, sigma_ln the standard deviation of ln d by mass.  The same arguments give the same
-    assembly.  `distribution`, `size_ratio` and `fines` are those of `diameters`.
-    Raises AssemblyError for arguments out of range and when no state without contacts is found.
+    d50 (m) is the median by mass, sigma_ln the standard deviation of ln d by mass; `distribution`, `size_ratio` and
+    `fines` as in `diameters`.  The same arguments give the same assembly.
+    Raises AssemblyError for arguments out of range and if no state without contacts is found.
     """
     if not 0.0 < solid_fraction <= 0.58:
         raise AssemblyError(f"assembly: solid_fraction = {solid_fraction:g} is outside (0, 0.58]")
@@ -74,17 +77,17 @@ def diameters(
     size_ratio: float = 4.0,
     fines: float = 0.25,
 ) -> np.ndarray:
-    """N diameters (N,) in m, ascending, at the mid-quantiles by number of a grading given by mass.
+    """Diameters (N,) in m, ascending, at the mid-quantiles by number of a grading defined by mass.
 
     - "lognormal": by mass, cut at three standard deviations (the default).
-    - "loguniform": the same standard deviation of ln d, spread evenly over ln d.
+    - "loguniform": uniform in ln d, with the same standard deviation of ln d.
     - "well_graded": Fuller's curve, mass finer ~ sqrt(d), largest over smallest = size_ratio; sigma_ln is not used.
-    - "gap_graded": two lognormals of width sigma_ln each, medians size_ratio apart, the finer one with the mass share
-      `fines`.
-    The mass median of the result is d50 exactly.  Raises AssemblyError for arguments out of range.
+    - "gap_graded": two lognormals of width sigma_ln each, ratio of their medians size_ratio; the finer one has the mass
+      share `fines`.
+    The median by mass of the result is exactly d50.  Raises AssemblyError for arguments out of range.
     """
     _check_grading(N, d50, sigma_ln, distribution, size_ratio, fines)
-    x, mass = _mass_density(sigma_ln, distribution, size_ratio, fines)
+    x, mass = _mass_distribution(sigma_ln, distribution, size_ratio, fines)
     number = mass * np.exp(-3.0 * x)
     below = np.concatenate([[0.0], np.cumsum(0.5 * (number[1:] + number[:-1]))])
     d = np.exp(np.interp((np.arange(N) + 0.5) / N, below / below[-1], x))
@@ -92,35 +95,28 @@ def diameters(
 
 
 def mass_median(d: np.ndarray) -> float:
-    """Diameter (m) that splits the mass of the spheres d (N,) in halves, interpolated in ln d."""
+    """Median diameter (m) by mass of spheres of diameter d (N,) m, interpolated in ln d."""
     d = np.sort(d)
-    share = np.cumsum(d**3) - 0.5 * d**3
-    return float(np.exp(np.interp(0.5 * np.sum(d**3), share, np.log(d))))
+    finer = np.cumsum(d**3) - 0.5 * d**3
+    return float(np.exp(np.interp(0.5 * np.sum(d**3), finer, np.log(d))))
 
 
-def write_assembly(path: str | Path, assembly: Assembly, attrs: dict | None = None) -> Path:
-    """Write an assembly to HDF5 under a temporary name and move it into place; attrs go to the file's attributes."""
+def write_assembly(path: str | Path, assembly: Assembly, attrs: Mapping[str, Any] | None = None) -> Path:
+    """Write an assembly to an HDF5 file, complete or not at all; attrs become attributes of the file."""
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with h5py.File(part, "w") as file:
-            file.attrs.update({"format": _FORMAT, "format_version": 1, **(attrs or {})})
-            for name in ("position", "radius", "cell"):
-                file.create_dataset(name, data=getattr(assembly, name)).attrs["unit"] = QUANTITIES["d50"].unit
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
+    with atomic_write(path) as part, h5py.File(part, "w") as file:
+        file.attrs.update({"format": _FORMAT, "format_version": 1, **(attrs or {})})
+        for name in ("position", "radius", "cell"):
+            file.create_dataset(name, data=getattr(assembly, name)).attrs["unit"] = QUANTITIES["d50"].unit
     return path
 
 
 def read_assembly(path: str | Path) -> Assembly:
-    """Read what `write_assembly` wrote; AssemblyError names the file and what is wrong with it."""
+    """Read what `write_assembly` wrote; raises AssemblyError with the file and the fault."""
     path = Path(path)
-    if not path.is_file():
-        raise AssemblyError(f"{path}: no such assembly file")
     try:
-        with h5py.File(path, "r") as file:
+        with open_hdf5(path, AssemblyError, "assembly file") as file:
             if file.attrs.get("format") != _FORMAT:
                 raise AssemblyError(f"{path}: not an assembly file (format = {file.attrs.get('format')!r})")
             assembly = Assembly(*(file[name][()] for name in ("position", "radius", "cell")))
@@ -135,7 +131,7 @@ def read_assembly(path: str | Path) -> Assembly:
     return assembly
 
 
-def _check_grading(N, d50, sigma_ln, distribution, size_ratio, fines) -> None:
+def _check_grading(N: int, d50: float, sigma_ln: float, distribution: str, size_ratio: float, fines: float) -> None:
     if distribution not in DISTRIBUTIONS:
         raise AssemblyError(f"assembly: unknown distribution {distribution!r}, choose from {', '.join(DISTRIBUTIONS)}")
     for name, value, good, limit in (
@@ -149,8 +145,10 @@ def _check_grading(N, d50, sigma_ln, distribution, size_ratio, fines) -> None:
             raise AssemblyError(f"assembly: {name} = {value} must be {limit}")
 
 
-def _mass_density(sigma_ln: float, distribution: str, size_ratio: float, fines: float) -> tuple[np.ndarray, np.ndarray]:
-    """Grid of ln d (up to a shift) and the mass per unit ln d on it (up to a factor)."""
+def _mass_distribution(
+    sigma_ln: float, distribution: str, size_ratio: float, fines: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Grid of ln d (up to a shift) and the mass per unit of ln d on it (up to a factor)."""
     sigma = max(sigma_ln, 1e-9)
     if distribution == "lognormal":
         x = np.linspace(-3.0 * sigma, 3.0 * sigma, 4001)
@@ -168,20 +166,20 @@ def _mass_density(sigma_ln: float, distribution: str, size_ratio: float, fines: 
 
 
 def _normal(z: np.ndarray) -> np.ndarray:
-    """Density of the standard normal distribution."""
+    """PDF of the standard normal distribution."""
     return np.exp(-(z**2) / 2.0) / np.sqrt(2.0 * np.pi)
 
 
 def _push_apart(position: np.ndarray, radius: np.ndarray, edge: float, gap: float = 0.02) -> np.ndarray:
-    """Descend the energy of soft spheres, radii inflated by `gap`, until no two true spheres touch."""
+    """Positions (N, 3) after soft spheres, radii inflated by `gap`, have moved apart until no pair touches."""
     x, inflated = position.copy(), (1.0 + gap) * radius
     skin = 0.3 * np.median(radius)
     velocity = np.zeros_like(x)
-    moved, pairs = np.inf, None
+    moved = np.inf
     for _ in range(4000):
         if moved > 0.5 * skin:
-            pairs, moved = _near_pairs(x % edge, inflated, edge, skin), 0.0
-            i, j = pairs.T
+            i, j = _near_pairs(x % edge, inflated, edge, skin).T
+            moved = 0.0
             reach = inflated[i] + inflated[j]
         d = x[j] - x[i]
         d -= edge * np.round(d / edge)
@@ -200,26 +198,26 @@ def _push_apart(position: np.ndarray, radius: np.ndarray, edge: float, gap: floa
 
 
 def _near_pairs(x: np.ndarray, radius: np.ndarray, edge: float, skin: float) -> np.ndarray:
-    """Pairs (P, 2) closer than the sum of their radii plus skin, found size class by size class."""
-    # Imported here: every run reads an assembly, and none needs the third of a second that scipy takes.
+    """Pairs (P, 2) closer than the sum of their radii plus skin, by pairs of size classes."""
+    # Imported here because every run reads an assembly, and importing scipy takes a third of a second.
     from scipy.spatial import cKDTree
 
     x = np.where(x >= edge, 0.0, x)
     classes = _size_classes(radius)
-    found = []
+    pairs = []
     for a, first in enumerate(classes):
         tree = cKDTree(x[first], boxsize=edge)
-        found.append(first[tree.query_pairs(2.0 * radius[first].max() + skin, output_type="ndarray")])
+        pairs.append(first[tree.query_pairs(2.0 * radius[first].max() + skin, output_type="ndarray")])
         for second in classes[a + 1 :]:
             other = cKDTree(x[second], boxsize=edge)
             near = tree.sparse_distance_matrix(
                 other, radius[first].max() + radius[second].max() + skin, output_type="coo_matrix"
             )
-            found.append(np.column_stack([first[near.row], second[near.col]]))
-    return np.concatenate(found)
+            pairs.append(np.column_stack([first[near.row], second[near.col]]))
+    return np.concatenate(pairs)
 
 
 def _size_classes(radius: np.ndarray) -> list[np.ndarray]:
-    """Indices grouped so that within a group radii differ by less than a factor of two."""
+    """Groups of indices; within a group, radii differ by less than a factor of two."""
     octave = np.floor(np.log2(radius / radius.min()) + 1e-9).astype(int)
     return [np.flatnonzero(octave == k) for k in np.unique(octave)]

@@ -1,20 +1,23 @@
-"""Every quantity of the project, once: symbol, name, unit, shape, meaning and source.
+"""Registry of all quantities: symbol, name, unit, shape, meaning and source, each stated once.
 
-The run writer, the reader, the tables, the axis labels and the documentation all take names and units from here, so a
-unit is never written twice.  This module imports nothing but the standard library: `yade_scripts` may use it too.
+The writer and the reader of runs, the tables, the axis labels and the documentation take names and units from here.
+This module imports the standard library only, so that `yade_scripts` can use it.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """One quantity: SI unit inside, display unit where a person reads.
+    """One quantity: values are in the SI `unit`, tables and figures show `shown_unit`.
 
     `shape` is the shape of one sample: "" for a scalar, "3" for a vector, "3,3" for a tensor.
-    `shown_unit` and `shown_factor` turn the SI value into the displayed one (value * shown_factor, in shown_unit).
+    `shown_factor` converts the SI value to the shown one (value * shown_factor, in shown_unit).  `equation` is the
+    number in the paper or another source, `tex` the symbol on axis labels.
     """
 
     symbol: str
@@ -39,7 +42,7 @@ class Quantity:
         return self.symbol + self._unit
 
     @property
-    def _unit(self):
+    def _unit(self) -> str:
         unit = self.shown_unit or self.unit
         return f" ({unit})" if unit not in ("", "1") else ""
 
@@ -48,13 +51,13 @@ def _table(*rows: Quantity) -> dict[str, Quantity]:
     return {row.symbol: row for row in rows}
 
 
-_kPa = {"shown_unit": "kPa", "shown_factor": 1e-3}
-_MPa = {"shown_unit": "MPa", "shown_factor": 1e-6}
-_GPa = {"shown_unit": "GPa", "shown_factor": 1e-9}
-_mm = {"shown_unit": "mm", "shown_factor": 1e3}
-_pct = {"shown_unit": "%", "shown_factor": 100.0}
+_kPa: dict[str, Any] = {"shown_unit": "kPa", "shown_factor": 1e-3}
+_MPa: dict[str, Any] = {"shown_unit": "MPa", "shown_factor": 1e-6}
+_GPa: dict[str, Any] = {"shown_unit": "GPa", "shown_factor": 1e-9}
+_mm: dict[str, Any] = {"shown_unit": "mm", "shown_factor": 1e3}
+_pct: dict[str, Any] = {"shown_unit": "%", "shown_factor": 100.0}
 
-#: What a run is given.
+#: Inputs of a run.
 INPUTS = _table(
     Quantity("mu_s", "Interparticle friction", "1", "Coulomb coefficient of every contact in shear", tex=r"\mu_s"),
     Quantity("G_p", "Particle shear modulus", "Pa", "shear modulus of the grains' material", tex="G_p", **_GPa),
@@ -67,21 +70,47 @@ INPUTS = _table(
     Quantity("N", "Number of spheres", "1", "spheres in the periodic cell", tex="N"),
 )
 
-#: What a run records: averages over each output window, never single steps.
+#: Record of a run: averages over each output window, never single steps.
 RECORD = _table(
-    Quantity("eps_a", "Axial strain", "1", "logarithmic strain along z since the start of shear, compression positive",
-             tex=r"\varepsilon_a", **_pct),
-    Quantity("eps_v", "Volumetric strain", "1", "logarithmic volume strain, compression positive",
-             tex=r"\varepsilon_v", **_pct),
-    Quantity("sigma", "Stress tensor", "Pa", "Love's sum over contacts, compression positive", "Eq. 21", "3,3",
-             r"\sigma_{ij}", **_kPa),
+    Quantity(
+        "eps_a",
+        "Axial strain",
+        "1",
+        "logarithmic strain along z since the start of shear, compression positive",
+        tex=r"\varepsilon_a",
+        **_pct,
+    ),
+    Quantity(
+        "eps_v",
+        "Volumetric strain",
+        "1",
+        "logarithmic volume strain, compression positive",
+        tex=r"\varepsilon_v",
+        **_pct,
+    ),
+    Quantity(
+        "sigma",
+        "Stress tensor",
+        "Pa",
+        "Love's sum over contacts, compression positive",
+        "Eq. 21",
+        "3,3",
+        r"\sigma_{ij}",
+        **_kPa,
+    ),
     Quantity("cell", "Cell edges", "m", "edge lengths of the periodic cell", shape="3", tex="L_i", **_mm),
     Quantity("e", "Void ratio", "1", "(V - V_s) / V_s", tex="e"),
-    Quantity("e_m", "Mechanical void ratio", "1", "void ratio in which particles of fewer than two contacts are void",
-             tex="e_m"),
+    Quantity(
+        "e_m",
+        "Mechanical void ratio",
+        "1",
+        "void ratio in which particles of fewer than two contacts are void",
+        tex="e_m",
+    ),
     Quantity("Z", "Coordination number", "1", "2 N_c / N", tex="Z"),
-    Quantity("Z_m", "Mechanical coordination number", "1", "(2 N_c - N_1) / (N - N_0 - N_1)", "Thornton 2000",
-             tex="Z_m"),
+    Quantity(
+        "Z_m", "Mechanical coordination number", "1", "(2 N_c - N_1) / (N - N_0 - N_1)", "Thornton 2000", tex="Z_m"
+    ),
     Quantity("Phi", "Fabric tensor", "1", "mean of n_i n_j over contacts", "Eq. 17", "3,3", r"\Phi_{ij}"),
     Quantity("f_sliding", "Sliding fraction", "1", "share of contacts at the Coulomb limit", tex="f_s"),
     Quantity("I", "Inertial number", "1", "strain rate * d50 * sqrt(rho / p')", tex="I"),
@@ -95,7 +124,7 @@ RECORD = _table(
     Quantity("servo_max", "Largest servo error", "1", "largest |lateral stress / target - 1| of the window's samples"),
 )
 
-#: What the analysis derives at every strain; the responses that PDEM propagates.
+#: Responses: derived at every strain and propagated by PDEM.
 RESPONSES = _table(
     Quantity("eta", "Stress ratio", "1", "q / p'", tex=r"\eta = q/p'"),
     RECORD["e"],
@@ -106,20 +135,63 @@ RESPONSES = _table(
     RECORD["eps_v"],
 )
 
-#: What the analysis derives once a run, besides the responses at the peak and at the critical state.
+#: Scalars: one value per run and state, besides the responses at the peak and at the critical state.
 SCALARS = _table(
     Quantity("p", "Mean effective stress", "Pa", "(sigma_1 + 2 sigma_3) / 3", tex="p'", **_kPa),
     Quantity("q", "Deviatoric stress", "Pa", "sigma_1 - sigma_3", tex="q", **_kPa),
-    Quantity("eps_peak", "Axial strain at the peak", "1", "where the smoothed stress ratio is largest",
-             tex=r"\varepsilon_{a,peak}", **_pct),
+    Quantity(
+        "eps_peak",
+        "Axial strain at the peak",
+        "1",
+        "where the smoothed stress ratio is largest",
+        tex=r"\varepsilon_{a,peak}",
+        **_pct,
+    ),
     Quantity("G_0", "Small-strain stiffness", "Pa", "dq / (3 d eps_q) of the constant-volume probe", tex="G_0", **_MPa),
     Quantity("K_0", "Small-strain bulk modulus", "Pa", "dp' / d eps_v at small strain", tex="K", **_MPa),
     Quantity("D_p", "Dilatancy at the peak", "1", "-d eps_v^p / d eps_q^p", tex="D^p"),
     Quantity("I_G", "Grading index", "1", "exp of the standard deviation of ln d by mass", "Eqs. 19-20", tex="I_G"),
-    Quantity("I_G_active", "Active grading index", "1", "I_G of the particles that carry stress", "Eqs. 19-20",
-             tex="I_G^{active}"),
-    Quantity("I_G_stress", "Stress grading index", "1", "I_G weighted by p^(m) V^(m)", "Eqs. 19, 23",
-             tex="I_G^{stress}"),
+    Quantity(
+        "I_G_active",
+        "Active grading index",
+        "1",
+        "I_G of the particles that carry stress",
+        "Eqs. 19-20",
+        tex="I_G^{active}",
+    ),
+    Quantity(
+        "I_G_stress", "Stress grading index", "1", "I_G weighted by p^(m) V^(m)", "Eqs. 19, 23", tex="I_G^{stress}"
+    ),
 )
 
 QUANTITIES: dict[str, Quantity] = {**INPUTS, **RECORD, **RESPONSES, **SCALARS}
+
+#: The stages of a run that have states, and the states of each.
+STAGE_STATES = {"shear": ("initial", "peak", "critical"), "probe": ("probe",)}
+
+#: Quantities of the packing at the end of consolidation.
+CONSOLIDATED = ("e", "e_m", "Z", "Z_m")
+
+
+def parameter(symbol: str, name: str, value: float, error: float = math.nan) -> str:
+    """Text of a fitted parameter `name` of the quantity `symbol` with its standard error, e.g. 'median = 25.7 ± 1 GPa'.
+
+    A parameter has the unit of its quantity if its value in the shown unit exceeds 1e-3; otherwise it has none (a shape
+    parameter of a modulus).
+    """
+    quantity = QUANTITIES[symbol]
+    has_unit = abs(value) * quantity.shown_factor > 1e-3 and quantity.shown_factor != 1.0
+    factor, unit = (quantity.shown_factor, f" {quantity.shown_unit}") if has_unit else (1.0, "")
+    spread = f" ± {error * factor:.2g}" if math.isfinite(error) else ""
+    return f"{name} = {value * factor:.5g}{spread}{unit}"
+
+
+#: The rate law of shear: above the interparticle friction FULL_RATE_FRICTION the inertial number is at most
+#: FULL_RATE * FULL_RATE_FRICTION / mu_s, because a higher rate changes Z there.  yade_scripts/rve.py has the same
+#: numbers; a test compares them.
+FULL_RATE_FRICTION, FULL_RATE = 0.3, 2.4e-3
+
+
+def effective_inertial_number(asked: float, mu_s: float) -> float:
+    """Inertial number at which a shear run is made: the one asked for, or the limit of the rate law if that is less."""
+    return asked if mu_s <= FULL_RATE_FRICTION else min(asked, FULL_RATE * FULL_RATE_FRICTION / mu_s)

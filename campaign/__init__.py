@@ -1,7 +1,25 @@
-"""What to run, and getting it run: config, plan, engines, status."""
+"""Plan and run a stochastic DEM campaign: the table of runs, the engines that run it, its status and its results.
+
+A module imports only modules that stand above it in this list:
+
+    files, progress             text and JSON files, digests of code; the progress line
+    config, folder              the campaign file as one checked value; locks, checksums and failure files of a folder
+    run_one                     supervises one run in YADE (`row`: its former name, for tasks that wait in SLURM)
+    plan, prepare               the table of runs and its cost; fitted inputs, points and assemblies
+    products                    the status of every run
+    batches                     sequential stopping: points in batches until the target error is reached
+    engine_local, engine_slurm  run what is missing, on this machine or on a cluster
+    status, evaluate            counts and costs; results.h5, tables, figures and report
+    __main__                    the command line
+
+`yade_scripts` is started, never imported. From `analysis` the modules `errors` and `files`, which need the standard
+library only, are imported at the top of a module. Everything else of `analysis`, and numpy, h5py and pandas, is
+imported inside the function that needs it: these packages take up to a second to load, which is longer than most
+commands take, and the supervisor of a run (`run_one`) needs none of them.
+"""
 
 import os
 
-# Here numpy solves small systems: OpenBLAS' threads gain nothing, and where the cores are busy with runs they wait for
-# each other (a solve of ten unknowns takes 9 ms instead of 10 us).
+# The campaign only solves small systems, for which several OpenBLAS threads gain nothing. Where all cores are busy with
+# runs, the threads wait for each other: a solve with ten unknowns then takes 9 ms instead of 10 us.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -1,4 +1,4 @@
-"""The command line: python3 -m campaign {plan,run,status,missing,analyse,archive,report,all} CONFIG"""
+"""The command line: python3 -m campaign {plan,run,status,missing,analyse,archive,report,all} CONFIG [options]"""
 
 from __future__ import annotations
 
@@ -7,43 +7,37 @@ import json
 import os
 import shutil
 import sys
-from dataclasses import replace
+from argparse import Namespace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from campaign.config import ROOT, Config, ConfigError, read_config
-from campaign.plan import collapsing, make_rows, predicted_cost, write_plan
+from analysis.errors import GrainScatterError
+from campaign import batches, engine_local, engine_slurm, evaluate
+from campaign.config import MOST_JOBS, ROOT, Config, ConfigError, read_config
+from campaign.plan import PlannedRun, collapsing, make_rows, predicted_cost, write_plan
+from campaign.prepare import prepare, read_planned_points
+from campaign.products import run_statuses
+from campaign.run_one import FREE_BYTES
+from campaign.status import campaign_status, status_text
 
-COMMANDS = {
-    "plan": "fit the inputs, choose the points, write the tables of runs and predict the cost",
-    "run": "run what is missing",
-    "status": "tell what is done, running, failed and missing",
-    "missing": "list the runs without a product",
-    "analyse": "metrics, probability densities and tables into results.h5",
-    "archive": "runs.h5: all that analyse takes from the products, which may then go",
-    "report": "figures and report.html; of a results.h5 in place of CONFIG the tables, too, no folder needed",
-    "all": "plan, run, analyse and report; nothing is done twice",
-}
-
-CONFIG = "a campaign's TOML file, such as campaign/demo.toml"
+CONFIG = "the TOML file of a campaign, such as campaign/demo.toml"
 #: The results in the repository.
-LAPTOP = ROOT / "data" / "laptop" / "results.h5"
+LAPTOP = "data/laptop/results.h5"
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run one command; a user's error ends in one line on stderr and status 2."""
+    """Run one command and return the exit code: that of the command, 2 for an error of use, 130 if interrupted.
+
+    An error of use is printed in one line on stderr. Any exception that is raised from here is a bug.
+    """
     options = _parser().parse_args(argv)
     try:
         if options.command == "report" and options.config.endswith(".h5"):
             return report_file(Path(options.config), options.folder)
-        config = read_config(options.config)
-        if options.jobs is not None:
-            if options.jobs < 1:
-                raise ConfigError(f"--jobs = {options.jobs} is outside [1, 4096]")
-            config = replace(config, run=replace(config.run, jobs=options.jobs))
-        if options.engine:
-            config = replace(config, run=replace(config.run, engine=options.engine))
+        config = _config(options)
         folder = Path(options.folder) if options.folder else ROOT / "runs" / config.name
-        return _command(options)(config, folder, options)
+        return COMMANDS[options.command].run(config, folder, options)
     except KeyboardInterrupt:
         print("stopped; the same command goes on from here", file=sys.stderr)
         return 130
@@ -57,89 +51,100 @@ def main(argv: list[str] | None = None) -> int:
     except OSError as error:
         print(f"campaign: {error.filename or ''}: {error.strerror or error}", file=sys.stderr)
         return 2
-    except (ValueError, RuntimeError) as error:
-        if not _is_ours(error):
-            raise
+    except GrainScatterError as error:
         print(f"campaign: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
 
 
-def _is_ours(error: Exception) -> bool:
-    """Errors with a line for the user are subclasses of this project's own; a bare ValueError is a bug."""
-    return type(error).__module__.split(".")[0] in ("campaign", "analysis")
+def _config(options: Namespace) -> Config:
+    """The campaign file with the options that replace keys of it, where the command has them."""
+    config = read_config(options.config)
+    run_keys = {}
+    if getattr(options, "engine", None):
+        run_keys["engine"] = options.engine
+    if (jobs := getattr(options, "jobs", None)) is not None:
+        if not 1 <= jobs <= MOST_JOBS:
+            raise ConfigError(f"--jobs = {jobs} is outside [1, {MOST_JOBS}]")
+        if options.command != "status" and (options.engine or config.run.engine) == "slurm":
+            raise ConfigError(f"--jobs = {jobs} has no effect in SLURM; run.slurm.throttle limits the tasks at once")
+        run_keys["jobs"] = jobs
+    return replace(config, run=replace(config.run, **run_keys))
 
 
 def _parser() -> argparse.ArgumentParser:
+    """The parser; a command accepts only the options it uses."""
     parser = argparse.ArgumentParser(prog="python3 -m campaign", description="Stochastic DEM campaigns with YADE.")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for name, text in COMMANDS.items():
-        sub = commands.add_parser(name, help=text, description=text)
-        default = {"nargs": "?", "default": str(LAPTOP)} if name == "report" else {}
-        told = f"a campaign's TOML file, or a results.h5 (default: {LAPTOP.relative_to(ROOT)})" if default else CONFIG
-        sub.add_argument("config", metavar="CONFIG", help=told, **default)
-        sub.add_argument("--folder", help="where the campaign lives (default: runs/<name>; of a results.h5: its own)")
-        sub.add_argument("--jobs", type=int, help="runs at once (default: run.jobs, else one per core)")
-        sub.add_argument("--engine", choices=("local", "slurm"), help="default: run.engine")
-        sub.add_argument("--failed", action="store_true", help="run failed ones again, too")
-        sub.add_argument("--json", action="store_true", help="status for scripts")
-        sub.add_argument("--check", action="store_true", help="read every product again, however unchanged it looks")
-        sub.add_argument("--quiet", action="store_true", help="no progress line")
+    parents = {}
+    for flag, settings in OPTIONS.items():
+        parents[flag] = argparse.ArgumentParser(add_help=False)
+        parents[flag].add_argument(flag, **settings)
+    for name, command in COMMANDS.items():
+        sub = commands.add_parser(
+            name, help=command.help, description=command.help, parents=[parents[flag] for flag in command.options]
+        )
+        if name == "report":
+            text = f"{CONFIG}, or a results.h5 (default: {LAPTOP})"
+            sub.add_argument("config", metavar="CONFIG", nargs="?", default=str(ROOT / LAPTOP), help=text)
+        else:
+            sub.add_argument("config", metavar="CONFIG", help=CONFIG)
     return parser
 
 
-def _command(options):
-    return {"plan": plan, "run": run, "status": status, "missing": missing, "analyse": analyse, "archive": archive,
-            "report": report, "all": everything}[options.command]  # fmt: skip
-
-
-def plan(config: Config, folder: Path, options) -> int:
-    rows, word, points = _plan(config, folder)
-    print(f"{config.name}: {len(points)} points {word}, {len(rows)} runs in {_shown(folder)}")
-    print(f"{'':12}{'runs':>8}{'particle-steps':>18}{'core-hours':>12}   (predicted)")
-    for stage, cost in predicted_cost(rows).items():
-        print(f"{stage:12}{cost['runs']:>8}{cost['particle_steps']:>18.2e}{cost['core_hours']:>12.2f}")
-    for mu_iso, count in collapsing(rows).items():
-        print(f"mu_iso = {mu_iso:g}: {count} of {len(points)} points have a lower mu_s; their packings collapse when "
-              "the grains take it on, and how far depends on the grains' inertia too (e: by under 1 %)")  # fmt: skip
+def plan(config: Config, folder: Path, options: Namespace) -> int:
+    """Plan the campaign and print the predicted cost."""
+    _plan_and_print(config, folder)
     return 0
 
 
-def run(config: Config, folder: Path, options) -> int:
-    from campaign import enough
-    from campaign.status import campaign_status
+def _plan_and_print(config: Config, folder: Path) -> list[PlannedRun]:
+    rows, count, outcome = _plan(config, folder)
+    print(f"{config.name}: {count} points {outcome}, {len(rows)} runs in {_shown(folder)}")
+    print(f"{'':12}{'runs':>8}{'particle-steps':>18}{'core-hours':>12}   (predicted)")
+    for stage, cost in predicted_cost(rows).items():
+        print(f"{stage:12}{cost['runs']:>8}{cost['particle_steps']:>18.2e}{cost['core_hours']:>12.2f}")
+    for mu_iso, lower in collapsing(rows).items():
+        print(f"mu_iso = {mu_iso:g}: {lower} of {count} points have a lower mu_s; there the packing collapses when the "
+              "grains take on their own mu_s; e then depends on the grains' inertia, by under 1 %")  # fmt: skip
+    return rows
 
+
+def run(config: Config, folder: Path, options: Namespace) -> int:
+    """Plan the campaign and run what is missing. Exit codes: 0 all done, 1 runs failed, 3 runs are still missing."""
     rows, _, _ = _plan(config, folder)
+    return _run(config, folder, rows, options)
+
+
+def _run(config: Config, folder: Path, rows: Sequence[PlannedRun], options: Namespace) -> int:
     if config.run.engine == "slurm":
-        from campaign.slurm import submit_missing
-
-        step = enough.next_step(config, folder, rows, say=print)
-        print(submit_missing(config, folder, rows, again=options.failed, spared=step.spared))
+        step = batches.next_step(config, folder, rows)
+        print(engine_slurm.submit_missing(config, folder, rows, again=options.failed, spared=step.spared))
         return 0
-    from campaign.local import run_missing
+    again = iter([options.failed])  # failed runs are repeated once, not once per batch of points
 
-    again = iter([options.failed])  # failed runs get one more try, not one a batch
+    def engine(spared: frozenset[str]) -> int:
+        return engine_local.run_missing(
+            config, folder, rows, again=next(again, False), quiet=options.quiet, spared=spared
+        )
 
-    def engine(spared):
-        return run_missing(config, folder, rows, again=next(again, False), quiet=options.quiet, spared=spared)
-
-    added = enough.run_in_steps(config, folder, rows, engine, say=print)
-    told = campaign_status(config, folder, rows)
-    counts = told["counts"]["total"]
+    added = batches.run_in_steps(config, folder, rows, engine)
+    status = campaign_status(config, folder, rows)
+    counts = status["counts"]["total"]
     spared = f", {counts['spared']} spared" if counts["spared"] else ""
     print(f"{config.name}: {added} runs finished now, {counts['done']} of {counts['total']} done{spared}")
-    for failure in told["failures"]:
+    for failure in status["failures"]:
         print(f"{failure['state']}: {failure['run_id']}: {failure['reason']}", file=sys.stderr)
-    left = counts["missing"] + counts["refused"]
-    if left:
-        print(f"campaign: {left} runs are still missing; their logs tell why: {_why(folder, rows)}", file=sys.stderr)
+    still_missing = counts["missing"] + counts["refused"]
+    if still_missing:
+        print(f"campaign: {still_missing} runs are still missing: {_why_missing(folder, rows)}", file=sys.stderr)
         return 3
     return 1 if counts["failed"] else 0
 
 
-def _why(folder: Path, rows) -> str:
-    """Why runs are missing: the disk, or the last line of the first missing run's log."""
+def _why_missing(folder: Path, rows: Sequence[PlannedRun]) -> str:
+    """Why runs are missing: the disk is full, or the last line in the log of the first missing run."""
     free = shutil.disk_usage(folder).free
-    if free < 16 << 20:
+    if free < FREE_BYTES:
         return f"no space left on the disk ({free >> 20} MiB free)"
     for row in rows:
         log = folder / "logs" / f"{row.run_id}.log"
@@ -149,82 +154,121 @@ def _why(folder: Path, rows) -> str:
     return "no log was written"
 
 
-def status(config: Config, folder: Path, options) -> int:
-    from campaign.status import campaign_status, status_text
-
-    told = campaign_status(config, folder, _rows(config, folder), rehash=options.check)
-    print(json.dumps(told, indent=1) if options.json else status_text(told))
+def status(config: Config, folder: Path, options: Namespace) -> int:
+    """Print the status of a planned campaign; nothing is planned or run."""
+    status = campaign_status(config, folder, _planned_rows(config, folder), rehash=options.check)
+    print(json.dumps(status, indent=1) if options.json else status_text(status))
     return 0
 
 
-def missing(config: Config, folder: Path, options) -> int:
-    from campaign import enough
-    from campaign.products import look
-
-    rows = _rows(config, folder)
-    states = look(folder, rows, rehash=options.check, spared=enough.spared(config, folder, rows))
+def missing(config: Config, folder: Path, options: Namespace) -> int:
+    """Print the ids of the runs without a usable product."""
+    rows = _planned_rows(config, folder)
+    spared = batches.spared(config, folder, rows)
+    statuses = run_statuses(folder, rows, rehash=options.check, spared=spared)
     for row in rows:
-        if states[row.run_id].state in ("missing", "refused"):
+        if statuses[row.run_id].status in ("missing", "refused"):
             print(row.run_id)
     return 0
 
 
-def analyse(config: Config, folder: Path, options) -> int:
-    from campaign.evaluate import analyse as evaluate
-
-    print(evaluate(config, folder, _rows(config, folder)))
+def analyse(config: Config, folder: Path, options: Namespace) -> int:
+    """Write results.h5 and the tables."""
+    line, _ = evaluate.analyse(config, folder, _planned_rows(config, folder))
+    print(line)
     return 0
 
 
-def archive(config: Config, folder: Path, options) -> int:
-    from campaign.evaluate import archive as write
-
-    print(write(config, folder, _rows(config, folder)))
+def archive(config: Config, folder: Path, options: Namespace) -> int:
+    """Write runs.h5."""
+    print(evaluate.archive(folder, _planned_rows(config, folder)))
     return 0
 
 
-def report(config: Config, folder: Path, options) -> int:
-    from campaign.evaluate import report as write
-
-    print(write(config, folder))
+def report(config: Config, folder: Path, options: Namespace) -> int:
+    """Write the figures and report.html."""
+    print(evaluate.report(folder))
     return 0
 
 
 def report_file(results: Path, folder: str | None) -> int:
-    """Every table and figure and the report of a results file, beside it or in a folder."""
-    from campaign.evaluate import report_of_file
-
-    print(report_of_file(results, Path(folder) if folder else results.parent))
+    """Write tables, figures and report.html of a results file, beside the file or into a folder."""
+    print(evaluate.report_of_file(results, Path(folder) if folder else results.parent))
     return 0
 
 
-def everything(config: Config, folder: Path, options) -> int:
-    plan(config, folder, options)
-    code = run(config, folder, options)
+def everything(config: Config, folder: Path, options: Namespace) -> int:
+    """Plan, run, analyse and report; ends after `run` if runs are still missing, or wait in SLURM."""
+    rows = _plan_and_print(config, folder)
+    code = _run(config, folder, rows, options)
     if code > 1 or config.run.engine == "slurm":
         return code
-    return analyse(config, folder, options) or report(config, folder, options)
+    line, frames = evaluate.analyse(config, folder, rows)
+    print(line)
+    print(evaluate.report(folder, frames))
+    return 0
 
 
-def _plan(config: Config, folder: Path):
-    from campaign.prepare import prepare
-
-    points, word = prepare(config, folder)
+def _plan(config: Config, folder: Path) -> tuple[list[PlannedRun], int, str]:
+    """Plan the campaign; the rows, the number of points and what was done with the points."""
+    points, outcome = prepare(config, folder)
     rows = make_rows(config, points)
     for name in write_plan(rows, folder):
         print(f"note: {name} was edited by hand; written anew from the campaign file", file=sys.stderr)
-    return rows, word, points
+    return rows, len(points), outcome
 
 
-def _rows(config: Config, folder: Path):
+def _planned_rows(config: Config, folder: Path) -> list[PlannedRun]:
     """The rows of a planned campaign; nothing is written."""
-    from campaign.prepare import read_planned_points
-
     return make_rows(config, read_planned_points(config, folder))
 
 
 def _shown(path: Path) -> str:
     return os.path.relpath(path) if len(os.path.relpath(path)) < len(str(path)) else str(path)
+
+
+@dataclass(frozen=True)
+class Command:
+    """One command: its function, its line of help, and the options that it accepts."""
+
+    run: Callable[[Config, Path, Namespace], int]
+    help: str
+    options: tuple[str, ...]
+
+
+RUN_OPTIONS = ("--folder", "--jobs", "--engine", "--failed", "--quiet")
+COMMANDS = {
+    "plan": Command(
+        plan, "fit the inputs, choose the points, write the tables of runs, predict the cost", ("--folder",)
+    ),
+    "run": Command(run, "run what is missing", RUN_OPTIONS),
+    "status": Command(
+        status, "print how many runs are done, running, failed and missing", ("--folder", "--jobs", "--json", "--check")
+    ),
+    "missing": Command(missing, "list the runs without a usable product", ("--folder", "--check")),
+    "analyse": Command(analyse, "compute metrics, PDFs and tables; write results.h5 and tables/", ("--folder",)),
+    "archive": Command(
+        archive, "write runs.h5, a compact archive of all runs; product files can then be deleted", ("--folder",)
+    ),
+    "report": Command(
+        report,
+        "draw figures and report.html; given a results.h5 instead of CONFIG, also write the tables",
+        ("--folder",),
+    ),
+    "all": Command(everything, "plan, run, analyse and report; nothing is done twice", RUN_OPTIONS),
+}
+OPTIONS: dict[str, dict] = {
+    "--folder": {"help": "folder of the campaign (default: runs/<name>; for a results.h5: the folder it is in)"},
+    "--jobs": {"type": int, "help": "number of runs at once (default: run.jobs, else one per core)"},
+    "--engine": {"choices": ("local", "slurm"), "help": "where to run (default: run.engine)"},
+    "--failed": {"action": "store_true", "help": "repeat failed runs, too"},
+    "--quiet": {"action": "store_true", "help": "show no progress line"},
+    "--json": {"action": "store_true", "help": "print JSON, for scripts"},
+    "--check": {
+        "action": "store_true",
+        "help": "read every product again, also those whose size and times are unchanged",
+    },
+}
 
 
 if __name__ == "__main__":

@@ -1,150 +1,178 @@
-"""The TOML file of a campaign as one validated, frozen value.
+"""The TOML file of a campaign as one checked, frozen value.
 
-Every key is one line below: its default, its type, its limits and what it means.  An unknown key, a wrong type or a
-value out of range ends in one line that names file, key, value and limit.
+Every key has one line below: its default, its type, its limits and its meaning. An unknown key, a wrong type or a value
+out of range raises ConfigError with one line that names the file, the key, the value and the limit.
 """
 
 from __future__ import annotations
 
 import difflib
+import json
+import os
 import re
 import tomllib
-from dataclasses import dataclass, field, fields
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
+from typing import Any
+
+from analysis.errors import GrainScatterError
+from analysis.files import digest
 
 ROOT = Path(__file__).resolve().parent.parent
+#: Largest number of runs at once, of the key run.jobs and of the option --jobs.
+MOST_JOBS = 4096
 
 
-class ConfigError(ValueError):
-    """A campaign file that cannot be used; the text names the file, the key, the value and the limit."""
+class ConfigError(GrainScatterError):
+    """A campaign file cannot be used; the text names the file, the key, the value and the limit."""
 
 
-def key(default, kind, low=None, high=None, *, choices=None, doc=""):
-    """One key of the file: default, kind (a type, or [type] for a list), inclusive limits and choices of each value."""
+def key(
+    default: Any,
+    kind: Any,
+    low: float | None = None,
+    high: float | None = None,
+    *,
+    choices: tuple | None = None,
+    doc: str = "",
+) -> Any:
+    """Declare one key: default, kind (a type, or [type] for a list), inclusive limits, choices, meaning."""
     metadata = {"kind": kind, "low": low, "high": high, "choices": choices, "doc": doc}
     return field(default=default, metadata=metadata)
 
 
 @dataclass(frozen=True)
 class Inputs:
-    pairs: str = key("data/pairs_reconstructed.csv", str, doc="CSV with the measured pairs (mu_s, G_p_GPa or E_p_GPa)")
-    marginals: tuple = key((), [str], doc="families to choose from by AIC; empty: all")
+    pairs: str = key("data/pairs_reconstructed.csv", str, doc="CSV file with pairs mu_s, G_p_GPa (or E_p_GPa)")
+    marginals: tuple = key((), [str], doc="marginal families to choose from by AIC; empty: all")
     copulas: tuple = key(("gaussian", "student", "frank", "plackett"), [str], doc="copulas to choose from; empty: all")
-    seed: int = key(1, int, 0, 2**31 - 1, doc="of the goodness-of-fit samples, and of per-grain properties")
-    bootstrap: int = key(200, int, 19, 100_000, doc="simulated samples of the goodness-of-fit test")
+    seed: int = key(1, int, 0, 2**31 - 1, doc="random seed of the goodness-of-fit test and of per-grain properties")
+    bootstrap: int = key(200, int, 19, 100_000, doc="number of simulated samples of the goodness-of-fit test")
 
 
 @dataclass(frozen=True)
 class Points:
-    n: int = key(100, int, 2, 10_000, doc="representative points; fewer than 8 cannot carry the moments")
-    method: str = key("gf", str, doc="gf: points with the smallest GF-discrepancy; see analysis/points.py")
-    seed: int = key(1, int, 0, 2**31 - 1, doc="of the search for them")
-    nested: bool = key(False, bool, doc="order the points so that every beginning of the list represents the whole")
+    n: int = key(100, int, 2, 10_000, doc="number of representative points; below 8 the moments cannot be matched")
+    method: str = key("gf", str, doc="gf: smallest GF-discrepancy; others: analysis/points/selection.py")
+    seed: int = key(1, int, 0, 2**31 - 1, doc="random seed of the search for the points")
+    nested: bool = key(False, bool, doc="the first half of the points is a representative set too, and so on to 40")
 
 
 @dataclass(frozen=True)
 class Assembly:
-    N: int = key(1000, int, 64, 1_000_000, doc="spheres")
-    d50_mm: float = key(0.248, float, 1e-4, 1e3, doc="diameter that splits the mass in halves")
+    N: int = key(1000, int, 64, 1_000_000, doc="number of spheres")
+    d50_mm: float = key(0.248, float, 1e-4, 1e3, doc="median diameter by mass, mm")
     sigma_ln: float = key(0.174, float, 0.0, 1.0, doc="standard deviation of ln d by mass")
     distribution: str = key(
-        "lognormal", str, choices=("lognormal", "loguniform", "well_graded", "gap_graded"), doc="grading, by mass"
+        "lognormal",
+        str,
+        choices=("lognormal", "loguniform", "well_graded", "gap_graded"),
+        doc="type of the grading by mass",
     )
-    packings: tuple = key((1,), [int], 0, 2**31 - 1, doc="seeds; the first serves all points, the others level it")
-    replicate_points: int = key(-1, int, -1, 10_000, doc="points that the replicate packings serve; -1: all")
+    packings: tuple = key(
+        (1,), [int], 0, 2**31 - 1,
+        doc="random seeds of the packings: the first is run at every point, the others (replicates) at "
+        "`replicate_points` points to correct its offset",
+    )  # fmt: skip
+    replicate_points: int = key(-1, int, -1, 10_000, doc="number of points with replicate packings; -1: all")
 
 
 @dataclass(frozen=True)
 class Material:
     nu: float = key(0.2, float, 0.0, 0.49, doc="Poisson's ratio of the grains")
-    rho: float = key(2670.0, float, 1.0, 1e5, doc="density of the grains, kg/m3")
+    rho: float = key(2670.0, float, 1.0, 1e5, doc="mass density of the grains, kg/m3")
     heterogeneity: str = key(
-        "specimen", str, choices=("specimen", "grain"), doc="a pair (mu_s, G_p) a specimen, or one a grain"
+        "specimen", str, choices=("specimen", "grain"), doc="one pair (mu_s, G_p) per specimen, or one per grain"
     )
 
 
 @dataclass(frozen=True)
 class Consolidation:
     mu_iso: tuple = key(
-        (0.001, 0.04, 0.1), [float], 0.0, 1.2, doc="friction while consolidating; it sets the density, lower is denser"
+        (0.001, 0.04, 0.1), [float], 0.0, 1.2, doc="friction during consolidation; the lower, the denser the packing"
     )
-    sigma_3_kPa: float = key(100.0, float, 1.0, 1e4, doc="confining stress, of consolidation and of drained shear")
-    per_point: bool = key(False, bool, doc="consolidate once per point, not once per density")
-    G_ref_GPa: float = key(25.7, float, 0.01, 1000.0, doc="G_p of the shared consolidation")
+    sigma_3_kPa: float = key(100.0, float, 1.0, 1e4, doc="confining stress of consolidation and of drained shear, kPa")
+    per_point: bool = key(False, bool, doc="consolidate once per point instead of once per density")
+    G_ref_GPa: float = key(25.7, float, 0.01, 1000.0, doc="G_p of the consolidation that all points share, GPa")
 
 
 @dataclass(frozen=True)
 class Shear:
-    strain_end: float = key(0.40, float, 0.001, 1.0, doc="axial strain, logarithmic: 0.40 is 33 % of the height")
+    strain_end: float = key(0.40, float, 0.001, 1.0, doc="final axial strain, logarithmic; 0.40 is 33 % of the height")
     inertial_number: float = key(
-        1e-3, float, 1e-6, 2.5e-3, doc="strain rate times d50 sqrt(rho / p'); lower above mu_s = 0.3, see rve.py"
+        1e-3, float, 1e-6, 2.5e-3, doc="strain rate times d50 sqrt(rho / sigma_3); limited above mu_s = 0.3 (plan.py)"
     )
-    windows: int = key(0, int, 0, 10_000, doc="output windows; 0: by the scripts, finer where curves are steep")
-    energy_strain: float = key(0.0, float, 0.0, 1.0, doc="energies are summed up to it; 0: by the scripts, 5 %")
-    stop_when_steady: bool = key(False, bool, doc="end before strain_end once the critical state is proven steady")
-    snapshots: tuple = key((), [float], 0.0, 1.0, doc="strains at which all grains and contacts are kept")
+    windows: int = key(
+        0, int, 0, 10_000, doc="number of output windows; 0: script default (finer where curves are steep)"
+    )
+    energy_strain: float = key(
+        0.0, float, 0.0, 1.0, doc="strain up to which energies are summed; 0: script default (5 %)"
+    )
+    stop_when_steady: bool = key(False, bool, doc="end a run once its critical state is proven steady")
+    snapshots: tuple = key((), [float], 0.0, 1.0, doc="axial strains at which all grains and contacts are saved")
 
 
 @dataclass(frozen=True)
 class Probe:
-    strain: float = key(1e-6, float, 1e-8, 1e-3, doc="size of the increments that measure G_0 and K_0")
+    strain: float = key(1e-6, float, 1e-8, 1e-3, doc="size of the strain increments that measure G_0 and K_0")
 
 
 @dataclass(frozen=True)
 class Dem:
-    accuracy: str = key("", str, choices=("", "10%", "5%", "2%", "1%"), doc="picks the keys listed in accuracy.toml")
-    timestep_factor: float = key(1.0, float, 0.01, 3.0, doc="share of the contact-stiffness time step")
-    damping: float = key(0.0, float, 0.0, 0.9, doc="local damping during shear")
-    stiffness_scale: float = key(1.0, float, 1e-4, 1.0, doc="share of G_p that shear runs use; probes use all")
-    density_scaling: bool = key(True, bool, doc="balance the inertia of large and small grains; their sum stays")
+    accuracy: str = key("", str, choices=("", "10%", "5%", "2%", "1%"), doc="preset of accuracy.toml; empty: none")
+    timestep_factor: float = key(1.0, float, 0.01, 3.0, doc="time step over the contact-stiffness time step")
+    damping: float = key(0.0, float, 0.0, 0.9, doc="local damping coefficient during shear")
+    stiffness_scale: float = key(1.0, float, 1e-4, 1.0, doc="factor on G_p in shear runs; probes use the full G_p")
+    density_scaling: bool = key(True, bool, doc="balance the inertia of large and small grains; same total")
 
 
 @dataclass(frozen=True)
 class Families:
-    G_p_only: bool = key(False, bool, doc="a second family with mu_s fixed beside that with both as measured")
-    mu_s_fixed: float = key(0.25, float, 1e-3, 1.5, doc="friction of the second family")
-    G_p_points: int = key(-1, int, -1, 10_000, doc="points of the second family; -1: all")
+    G_p_only: bool = key(False, bool, doc="add a second family of points, with mu_s fixed and G_p as measured")
+    mu_s_fixed: float = key(0.25, float, 1e-3, 1.5, doc="mu_s of the second family")
+    G_p_points: int = key(-1, int, -1, 10_000, doc="number of points of the second family; -1: all")
 
 
 @dataclass(frozen=True)
 class Failures:
     max_lost_probability: float = key(
-        0.05, float, 0.0, 0.5, doc="share of a density's probability that failed runs may take; more is refused"
+        0.05, float, 0.0, 0.5, doc="`analyse` stops if failed runs take more probability than this from a soil density"
     )
-    retry: bool = key(True, bool, doc="once, with half the time step, where that can help")
+    retry: bool = key(True, bool, doc="repeat a failed run once with half the time step, if a smaller step can help")
 
 
 @dataclass(frozen=True)
 class Pdem:
     method: str = key(
-        "exact", str, choices=("exact", "tvd"), doc="translated kernels, or the paper's flux-limited scheme"
+        "exact", str, choices=("exact", "tvd"), doc="exact: translated kernels; tvd: the paper's flux-limited scheme"
     )
-    cells: int = key(400, int, 64, 20_000, doc="cells of the grid of a density")
-    stop_when: str = key("", str, doc="claimed error of the densities at which no more points are run; empty: run all")
+    cells: int = key(400, int, 64, 20_000, doc="number of grid cells of a PDF")
+    stop_when: str = key("", str, doc="target error of the PDFs such as '5%'; empty: run all points")
 
 
 @dataclass(frozen=True)
 class Slurm:
-    partition: str = key("", str, doc="empty: the cluster's default")
-    time: str = key("24:00:00", str, doc="limit of one array task")
-    memory: str = key("1G", str, doc="per task")
-    throttle: int = key(0, int, 0, 100_000, doc="most tasks at once; 0: no limit")
-    pack: float = key(30.0, float, 0.0, 10_000.0, doc="minutes of predicted work to pack into one task")
-    options: tuple = key((), [str], doc="further lines for #SBATCH")
+    partition: str = key("", str, doc="name of the partition; empty: the cluster's default")
+    time: str = key("24:00:00", str, doc="time limit of one array task")
+    memory: str = key("1G", str, doc="memory of one array task")
+    throttle: int = key(0, int, 0, 100_000, doc="largest number of tasks at once; 0: no limit")
+    pack: float = key(30.0, float, 0.0, 10_000.0, doc="predicted work that is packed into one task, minutes")
+    options: tuple = key((), [str], doc="further options, each a line #SBATCH")
 
 
 @dataclass(frozen=True)
 class Run:
-    engine: str = key("local", str, choices=("local", "slurm"), doc="this machine, or a cluster's queue")
-    jobs: int = key(0, int, 0, 4096, doc="runs at once; 0: one per core")
+    engine: str = key("local", str, choices=("local", "slurm"), doc="local: this machine; slurm: a cluster's queue")
+    jobs: int = key(0, int, 0, MOST_JOBS, doc="number of runs at once (local engine); 0: one per core")
     cpu_limit: float = key(20.0, float, 1.0, 1e6, doc="a run is stopped after this many times its predicted CPU time")
-    hang_minutes: float = key(10.0, float, 0.01, 1e5, doc="a run that uses no CPU for so long is stopped")
-    slurm: Slurm = key(Slurm(), Slurm)
+    hang_minutes: float = key(10.0, float, 0.01, 1e5, doc="a run is stopped after this time without CPU use, minutes")
+    slurm: Slurm = key(Slurm(), Slurm, doc="the section [run.slurm]")
 
 
 @dataclass(frozen=True)
 class Config:
-    """A campaign's settings; `text` is the TOML it came from, `source` the file."""
+    """The settings of a campaign; `text` is the TOML text, `source` the path of the file."""
 
     name: str
     inputs: Inputs
@@ -164,12 +192,14 @@ class Config:
 
     @property
     def pairs_path(self) -> Path:
-        """The pairs file: beside the campaign file, else under the current folder, else under the repository's root."""
-        places = [self.source.parent, Path.cwd(), ROOT]
-        found = [p / self.inputs.pairs for p in places if (p / self.inputs.pairs).is_file()]
-        if not found:
-            raise ConfigError(f"{self.source.name}: inputs.pairs = {self.inputs.pairs!r} is no file")
-        return found[0]
+        """The pairs file: beside the campaign file, else under the current folder, else under the repository's root.
+
+        Raises ConfigError if it is at none of these places.
+        """
+        for folder in (self.source.parent, Path.cwd(), ROOT):
+            if (folder / self.inputs.pairs).is_file():
+                return folder / self.inputs.pairs
+        raise ConfigError(f"{self.source.name}: inputs.pairs = {self.inputs.pairs!r} is no file")
 
 
 SECTIONS = {
@@ -179,7 +209,7 @@ SECTIONS = {
 
 
 def read_config(path: str | Path) -> Config:
-    """Read and check a campaign file.  Raises ConfigError with one line that names file, key, value and limit."""
+    """Read and check a campaign file. Raises ConfigError with one line that names the file, key, value and limit."""
     path = Path(path)
     try:
         text = path.read_text(encoding="utf-8")
@@ -191,47 +221,47 @@ def read_config(path: str | Path) -> Config:
 
 
 def parse_config(text: str, source: str | Path = "campaign.toml") -> Config:
-    """Check a campaign file's text; errors name `source`."""
-    where = Path(source).name
+    """Check the text of a campaign file. Raises ConfigError; its text names the file `source`."""
+    file = Path(source).name
     try:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{where}: not TOML: {error}") from None
-    _refuse_unknown(table, ["name", *SECTIONS], where, "")
+        raise ConfigError(f"{file}: not TOML: {error}") from None
+    _refuse_unknown(table, ["name", *SECTIONS], file, "")
     name = table.get("name", Path(source).stem)
     if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,60}", name):
-        raise ConfigError(f"{where}: name = {name!r} must be letters, digits, '_', '-' or '.' (at most 61)")
+        raise ConfigError(f"{file}: name = {name!r} must be letters, digits, '_', '-' or '.' (at most 61)")
     for section in SECTIONS:
         if not isinstance(table.get(section, {}), dict):
-            raise ConfigError(f"{where}: {section} = {table[section]!r} must be a section, [{section}]")
-    chosen = _accuracy(table, where)
+            raise ConfigError(f"{file}: {section} = {table[section]!r} must be a section, [{section}]")
+    preset = _accuracy(table, file)
     parts = {
-        section: _fill(kind, {**chosen.get(section, {}), **table.get(section, {})}, where, section)
+        section: _fill(kind, {**preset.get(section, {}), **table.get(section, {})}, file, section)
         for section, kind in SECTIONS.items()
     }
     config = Config(name=name, text=text, source=Path(source), **parts)
-    _check_together(config, where)
+    _check_together(config, file)
     return config
 
 
-def _accuracy(table: dict, where: str) -> dict:
-    """What `dem.accuracy` stands for: a table of sections, to be overridden by the file's own keys."""
-    dem = _fill(Dem, table.get("dem", {}), where, "dem")
+def _accuracy(table: dict, file: str) -> dict:
+    """The keys by section that `dem.accuracy` stands for; keys of the campaign file take precedence."""
+    dem = _fill(Dem, table.get("dem", {}), file, "dem")
     if not dem.accuracy:
         return {}
     return tomllib.loads((ROOT / "campaign" / "accuracy.toml").read_text(encoding="utf-8"))[dem.accuracy]
 
 
-def _refuse_unknown(table: dict, known: list[str], where: str, section: str) -> None:
+def _refuse_unknown(table: dict, known: list[str], file: str, section: str) -> None:
     for name in table:
         if name not in known:
             near = difflib.get_close_matches(name, known, 1, 0.5)
             hint = f"; did you mean {near[0]!r}?" if near else f"; known: {', '.join(known)}"
-            raise ConfigError(f"{where}: unknown key {section + '.' if section else ''}{name}{hint}")
+            raise ConfigError(f"{file}: unknown key {section + '.' if section else ''}{name}{hint}")
 
 
-def _fill(kind: type, table: dict, where: str, section: str):
-    _refuse_unknown(table, [f.name for f in fields(kind)], where, section)
+def _fill(kind: type, table: dict, file: str, section: str) -> Any:
+    _refuse_unknown(table, [f.name for f in fields(kind)], file, section)
     values = {}
     for f in fields(kind):
         meta = f.metadata
@@ -240,67 +270,88 @@ def _fill(kind: type, table: dict, where: str, section: str):
             values[f.name] = f.default
         elif isinstance(meta["kind"], list):
             if not isinstance(table[f.name], list):
-                raise ConfigError(f"{where}: {full} = {table[f.name]!r} must be a list")
-            values[f.name] = tuple(_value(v, meta["kind"][0], meta, where, full) for v in table[f.name])
+                raise ConfigError(f"{file}: {full} = {table[f.name]!r} must be a list")
+            values[f.name] = tuple(_value(v, meta["kind"][0], meta, file, full) for v in table[f.name])
         elif isinstance(meta["kind"], type) and meta["kind"].__module__ == __name__:
             if not isinstance(table[f.name], dict):
-                raise ConfigError(f"{where}: {full} = {table[f.name]!r} must be a section, [{full}]")
-            values[f.name] = _fill(meta["kind"], table[f.name], where, full)
+                raise ConfigError(f"{file}: {full} = {table[f.name]!r} must be a section, [{full}]")
+            values[f.name] = _fill(meta["kind"], table[f.name], file, full)
         else:
-            values[f.name] = _value(table[f.name], meta["kind"], meta, where, full)
+            values[f.name] = _value(table[f.name], meta["kind"], meta, file, full)
     return kind(**values)
 
 
 _KINDS = {int: "a whole number", float: "a number", str: "text in quotes", bool: "true or false"}
 
 
-def _value(value, kind: type, meta, where: str, full: str):
+def _value(value: Any, kind: type, meta: Mapping[str, Any], file: str, full: str) -> Any:
     """One value of the right type, within its limits."""
     fits = isinstance(value, (int, float)) if kind is float else isinstance(value, kind)
     if not fits or (isinstance(value, bool) and kind is not bool):
-        raise ConfigError(f"{where}: {full} = {value!r} must be {_KINDS[kind]}")
+        raise ConfigError(f"{file}: {full} = {value!r} must be {_KINDS[kind]}")
     if kind is float:
         value = float(value)
     low, high, choices = meta["low"], meta["high"], meta["choices"]
     if choices is not None and value not in choices:
         near = difflib.get_close_matches(str(value), [str(c) for c in choices], 1)
         hint = f"; did you mean {near[0]!r}?" if near else ""
-        raise ConfigError(f"{where}: {full} = {value!r} must be one of {', '.join(map(repr, choices))}{hint}")
+        raise ConfigError(f"{file}: {full} = {value!r} must be one of {', '.join(map(repr, choices))}{hint}")
     if low is not None and not low <= value <= high:
-        raise ConfigError(f"{where}: {full} = {value!r} is outside [{low:g}, {high:g}]")
+        raise ConfigError(f"{file}: {full} = {value!r} is outside [{low:g}, {high:g}]")
     return value
 
 
-def _check_together(config: Config, where: str) -> None:
-    """Limits that tie keys together."""
-    lists = {
-        "assembly.packings": config.assembly.packings,
-        "consolidation.mu_iso": config.consolidation.mu_iso,
-    }
+def _check_together(config: Config, file: str) -> None:
+    """Check limits that concern several keys, and texts with a format of their own."""
+    lists = {"assembly.packings": config.assembly.packings, "consolidation.mu_iso": config.consolidation.mu_iso}
     for full, values in lists.items():
         if not values:
-            raise ConfigError(f"{where}: {full} is empty; at least one value is needed")
+            raise ConfigError(f"{file}: {full} is empty; at least one value is needed")
         if len(set(values)) < len(values):
-            raise ConfigError(f"{where}: {full} = {list(values)} names a value twice")
+            raise ConfigError(f"{file}: {full} = {list(values)} names a value twice")
     strains = config.shear.snapshots
     if any(b <= a for a, b in zip(strains, strains[1:], strict=False)):
-        raise ConfigError(f"{where}: shear.snapshots = {list(strains)} must increase")
+        raise ConfigError(f"{file}: shear.snapshots = {list(strains)} must increase")
     if strains and strains[-1] > config.shear.strain_end:
         raise ConfigError(
-            f"{where}: shear.snapshots has {strains[-1]:g}, beyond strain_end = {config.shear.strain_end:g}"
+            f"{file}: shear.snapshots has {strains[-1]:g}, beyond strain_end = {config.shear.strain_end:g}"
         )
-    if config.pdem.stop_when and not _is_share(config.pdem.stop_when):
-        raise ConfigError(f"{where}: pdem.stop_when = {config.pdem.stop_when!r} must be a share such as '5%' or '0.05'")
+    if config.pdem.stop_when:
+        try:
+            parse_share(config.pdem.stop_when)
+        except ConfigError as error:
+            raise ConfigError(f"{file}: pdem.stop_when = {error}") from None
     if not re.fullmatch(r"(\d+-)?\d+(:\d\d){0,2}", config.run.slurm.time):
-        raise ConfigError(f"{where}: run.slurm.time = {config.run.slurm.time!r} is no SLURM time such as '24:00:00'")
+        raise ConfigError(f"{file}: run.slurm.time = {config.run.slurm.time!r} is no SLURM time such as '24:00:00'")
     if not re.fullmatch(r"\d+[KMGT]?", config.run.slurm.memory):
-        raise ConfigError(f"{where}: run.slurm.memory = {config.run.slurm.memory!r} is no SLURM size such as '2G'")
+        raise ConfigError(f"{file}: run.slurm.memory = {config.run.slurm.memory!r} is no SLURM size such as '2G'")
 
 
-def _is_share(text: str) -> bool:
-    """Whether `analysis.stopping.parse_target` takes the text: a share between 0 and 1, also in per cent."""
-    text = text.strip()
+def parse_share(text: str) -> float:
+    """Return 0.05 for "5%" or "0.05". Raises ConfigError if the text states no share between 0 and 1.
+
+    The stopping rule of the analysis has a function of its own for this, so that neither side imports the other; a test
+    compares the two.
+    """
+    number = text.strip()
     try:
-        return 0 < float(text.removesuffix("%")) / (100 if text.endswith("%") else 1) < 1
+        share = float(number.removesuffix("%")) / (100 if number.endswith("%") else 1)
     except ValueError:
-        return False
+        share = float("nan")
+    if not 0 < share < 1:
+        raise ConfigError(f"{text!r} must be a share such as '5%' or '0.05'")
+    return share
+
+
+def jobs(config: Config) -> int:
+    """Return the number of runs at once: `run.jobs`, or one per core that this process may use."""
+    return config.run.jobs or len(os.sched_getaffinity(0))
+
+
+def grains_file(config: Config, point: int) -> str:
+    """Return the name of the file with the properties of a point's single grains.
+
+    The name ends in the hash of the settings that the properties are drawn with, and run ids contain the name.
+    """
+    drawn_with = json.dumps([asdict(config.inputs), config.material.nu, config.assembly.N], sort_keys=True)
+    return f"grains_{point}_{digest(drawn_with.encode(), 8)}.h5"

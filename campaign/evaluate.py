@@ -1,116 +1,150 @@
-"""From products to results.h5, tables, figures and the report; only when something changed since the last time."""
+"""From products to results.h5, tables, figures and report; each is made again only if something changed."""
 
 from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from campaign import enough
+from campaign import batches
 from campaign.config import ROOT, SECTIONS, Config
 from campaign.files import code_digest, read_json, write_json
-from campaign.plan import Row
+from campaign.plan import PlannedRun
 from campaign.prepare import PlanError, read_points
-from campaign.products import ARCHIVE, State, archived, look, write_blocked
+from campaign.products import ARCHIVE, RunStatus, archived, run_statuses, write_blocked
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from analysis.results.build import CampaignInfo
+
+    Frames = dict[str, pd.DataFrame]
 
 NOTE = "tables/analysed.json"
 ANALYSIS = ROOT / "analysis"
-#: Resamplings of the pairs behind the bands: the 2.5 % quantile of a moment is then known to a twentieth of the band.
+#: Bootstrap samples of the pairs behind the bands. With 200, the statistical error of the 2.5 % quantile of a moment is
+#: a twentieth of the band.
 INPUT_BOOTSTRAP = 200
 
 
-def analyse(config: Config, folder: Path, rows: list[Row]) -> str:
-    """Build results.h5 and the tables from every product of the plan; returns a line that tells what was done.
+def analyse(config: Config, folder: Path, rows: Sequence[PlannedRun]) -> tuple[str, Frames | None]:
+    """Build results.h5 and the tables from the products of all planned runs.
 
-    Raises PlanError when runs are missing or refused, and the analysis' own errors.
+    Returns one line on what was done, and the tables' frames, or None where results.h5 was up to date. Raises PlanError
+    if runs are missing or refused, and the errors of the analysis.
     """
-    spared = enough.spared(config, folder, rows)
-    states = _usable(folder, rows, spared=spared)
-    left = [s for s in states.values() if s.state not in ("done", "failed")]
-    spared &= {s.run_id for s in left if s.state == "spared"}
-    left = [s for s in left if s.state != "spared"]
-    if left:
-        raise PlanError(f"{len(left)} of {len(rows)} runs have no product yet ({left[0].run_id}); `run` makes them")
-    write_blocked(folder, states)
-    wanted = _digest(config, folder, rows, spared)
-    if read_json(folder / NOTE, {}).get("results") == wanted and (folder / "results.h5").exists():
-        return f"{folder.name}: results.h5 is up to date"
-    import pandas as pd
+    spared = batches.spared(config, folder, rows)
+    statuses = _usable(folder, rows, spared=spared)
+    spared &= {status.run_id for status in statuses.values() if status.status == "spared"}
+    without_outcome = [s for s in statuses.values() if s.status not in ("done", "failed", "spared")]
+    if without_outcome:
+        raise PlanError(
+            f"{len(without_outcome)} of {len(rows)} runs have no product yet ({without_outcome[0].run_id}); "
+            "`run` makes them"
+        )
+    write_blocked(folder, statuses)
+    digest = results_digest(config, folder, rows, spared)
+    if read_json(folder / NOTE, {}).get("results") == digest and (folder / "results.h5").exists():
+        return f"{folder.name}: results.h5 is up to date", None
+    from analysis.results import read_results
+    from analysis.results.build import build_results
+    from analysis.tables import evaluate, write_tables
 
-    from analysis import responses, tables
+    _usable(folder, rows, rehash=True, spared=spared)  # read every byte again before numbers are computed from it
+    build_results(
+        folder,
+        plan_frame(folder, rows, spared),
+        read_points(folder),
+        _campaign_info(config, folder),
+        max_lost_probability=config.failures.max_lost_probability,
+        pdf_method=config.pdem.method,
+        cells=config.pdem.cells,
+        input_bootstrap=INPUT_BOOTSTRAP,
+    )
+    frames = evaluate(read_results(folder / "results.h5"))
+    write_tables(frames, folder)
+    write_json(folder / NOTE, {"results": digest})
+    return f"{folder.name}: results.h5 and tables from {len(rows) - len(spared)} runs", frames
 
-    _usable(folder, rows, rehash=True, spared=spared)  # before numbers are made of them, read every byte again
-    results = responses.build_results(folder, plan_frame(folder, rows, spared), pd.DataFrame(read_points(folder)),
-                                      _settings(config, folder))  # fmt: skip
-    tables.write_tables(results, folder)
-    write_json(folder / NOTE, {"results": wanted})
-    return f"{folder.name}: results.h5 and tables from {len(rows) - len(spared)} runs"
 
+def archive(folder: Path, rows: Sequence[PlannedRun]) -> str:
+    """Write runs.h5: the runs that it held before, and a summary of every product of the plan.
 
-def archive(config: Config, folder: Path, rows: list[Row]) -> str:
-    """Write runs.h5: what the analysis takes from every product, with the runs that it had already.
-
-    Returns a line that tells what was done.  Raises PlanError for a product that cannot be used.
+    Returns one line on what was done. Raises PlanError for a product that cannot be used, and the analysis' errors.
     """
-    from analysis.archive import Archive, contribution, write_archive
-    from analysis.runfile import read_run
+    from analysis.runs.archive import Archive, run_summary, write_archive
+    from analysis.runs.run_file import read_run
 
     path = folder / ARCHIVE
-    had = Archive(path)
-    states = _usable(folder, rows, rehash=True)
-    done = [s.run_id for s in states.values() if s.state == "done" and not s.facts.get("archived")]
-    code = {"measured_by": code_digest(ANALYSIS)[:12]}
-    found = {run_id: contribution(read_run(folder / f"products/{run_id}.h5")) for run_id in done}
-    kept = {run_id: replace(given, facts=given.facts | code) for run_id, given in found.items()}
-    write_archive(path, {**{run_id: had[run_id] for run_id in had if run_id not in kept}, **kept})
-    return f"{folder.name}: {path.name} keeps {len(set(had) | set(kept))} runs, {path.stat().st_size / 2**20:.1f} MiB"
+    before = Archive(path)
+    statuses = _usable(folder, rows, rehash=True)
+    measured_by = {"measured_by": code_digest(ANALYSIS)[:12]}
+    summaries = {}
+    for status in statuses.values():
+        if status.status == "done" and not status.facts.get("archived"):
+            summary = run_summary(read_run(folder / f"products/{status.run_id}.h5"))
+            summaries[status.run_id] = replace(summary, facts=summary.facts | measured_by)
+    merged = {**{run_id: before[run_id] for run_id in before if run_id not in summaries}, **summaries}
+    write_archive(path, merged)
+    return f"{folder.name}: {path.name} keeps {len(merged)} runs, {path.stat().st_size / 2**20:.1f} MiB"
 
 
 def _usable(
-    folder: Path, rows: list[Row], rehash: bool = False, spared: frozenset[str] = frozenset()
-) -> dict[str, State]:
-    """The states of all rows.  Raises PlanError where a product is there and cannot be used."""
-    states = look(folder, rows, rehash=rehash, spared=spared)
-    if bad := [s for s in states.values() if s.state == "refused"]:
-        raise PlanError(f"products/{bad[0].run_id}.h5: {bad[0].reason} ({len(bad)} such products)")
-    return states
+    folder: Path, rows: Sequence[PlannedRun], rehash: bool = False, spared: frozenset[str] = frozenset()
+) -> dict[str, RunStatus]:
+    """The status of every run. Raises PlanError if there is a product that cannot be used."""
+    statuses = run_statuses(folder, rows, rehash=rehash, spared=spared)
+    if refused := [status for status in statuses.values() if status.status == "refused"]:
+        first = refused[0]
+        raise PlanError(f"products/{first.run_id}.h5: {first.reason} ({len(refused)} such products)")
+    return statuses
 
 
-def report(config: Config, folder: Path) -> str:
-    """Draw the figures and write report.html; returns a line that tells what was done."""
-    results = folder / "results.h5"
-    if not results.exists():
+def report(folder: Path, frames: Frames | None = None) -> str:
+    """Draw the figures and write report.html from the folder's results.h5.
+
+    frames: the tables of these results, if they have been computed already. Returns one line on what was done. Raises
+    PlanError if there is no results.h5, and the analysis' errors.
+    """
+    path = folder / "results.h5"
+    if not path.exists():
         raise PlanError(f"{folder}: has no results.h5; `analyse` makes it")
-    stat = results.stat()
-    wanted = hashlib.sha256(f"{stat.st_size} {stat.st_mtime_ns} {code_digest(ANALYSIS)}".encode()).hexdigest()
-    noted = read_json(folder / NOTE, {})
-    if noted.get("report") == wanted and (folder / "report.html").exists():
+    stat = path.stat()
+    digest = hashlib.sha256(f"{stat.st_size} {stat.st_mtime_ns} {code_digest(ANALYSIS)}".encode()).hexdigest()
+    note = read_json(folder / NOTE, {})
+    if note.get("report") == digest and (folder / "report.html").exists():
         return f"{folder.name}: report.html is up to date"
     from analysis.report import write_report
+    from analysis.results import read_results
+    from analysis.tables import evaluate
 
-    path = write_report(results, folder)
-    write_json(folder / NOTE, noted | {"report": wanted})
-    return f"{folder.name}: {path}"
+    results = read_results(path)
+    page = write_report(results, evaluate(results) if frames is None else frames, folder)
+    write_json(folder / NOTE, note | {"report": digest})
+    return f"{folder.name}: {page}"
 
 
-def report_of_file(results: Path, folder: Path) -> str:
-    """Tables, figures and report.html of a results file into a folder; returns a line that tells what was done.
+def report_of_file(path: Path, folder: Path) -> str:
+    """Write tables, figures and report.html of a results file into a folder; nothing else of the campaign is needed.
 
-    Needs nothing else of the campaign.  Raises analysis.results.ResultsError for a file that cannot be used.
+    Returns one line on what was done. Raises analysis.results.ResultsError for a file that cannot be used.
     """
-    from analysis import tables
     from analysis.report import write_report
     from analysis.results import read_results
+    from analysis.tables import evaluate, write_tables
 
-    opened = read_results(results)
+    results = read_results(path)
     folder.mkdir(parents=True, exist_ok=True)
-    written = tables.write_tables(opened, folder)
-    return f"{results}: {len(written)} tables and {write_report(opened, folder)}"
+    frames = evaluate(results)
+    written = write_tables(frames, folder)
+    return f"{path}: {len(written)} tables and {write_report(results, frames, folder)}"
 
 
-def plan_frame(folder: Path, rows: list[Row], spared: frozenset[str] = frozenset()):
-    """The plan as the analysis takes it: one line a run, the product's full path, status "spared" where none is due."""
+def plan_frame(folder: Path, rows: Sequence[PlannedRun], spared: frozenset[str] = frozenset()) -> pd.DataFrame:
+    """Return the plan as the analysis reads it: one line per run, with the product's path and status "spared" or ""."""
     import pandas as pd
 
     names = ("run_id", "stage", "family", "point", "packing", "mu_iso", "mu_s", "G_p", "start", "particle_steps")
@@ -120,33 +154,40 @@ def plan_frame(folder: Path, rows: list[Row], spared: frozenset[str] = frozenset
     return frame
 
 
-def _settings(config: Config, folder: Path) -> dict:
-    noted = read_json(folder / "inputs.json", {})
-    return {
-        "campaign": config.name,
-        "config": config.text,
-        "settings": {name: asdict(getattr(config, name)) for name in SECTIONS},
-        "versions": {"analysis code": code_digest(ANALYSIS)[:12]},
-        **{k: noted[k] for k in ("pairs", "source", "marginals", "copulas", "joint", "point_attrs")},
-        "max_lost_probability": config.failures.max_lost_probability,
-        "density_method": config.pdem.method,
-        "cells": config.pdem.cells,
-        "input_bootstrap": INPUT_BOOTSTRAP,
-    }
+def _campaign_info(config: Config, folder: Path) -> CampaignInfo:
+    """What results.h5 states of the campaign beside its runs."""
+    import numpy as np
+
+    from analysis.results.build import CampaignInfo
+
+    inputs = read_json(folder / "inputs.json", {})
+    return CampaignInfo(
+        name=config.name,
+        config=config.text,
+        settings={name: asdict(getattr(config, name)) for name in SECTIONS},
+        pairs=np.asarray(inputs["pairs"], float),
+        versions={"analysis code": code_digest(ANALYSIS)[:12]},
+        **{name: inputs[name] for name in ("source", "marginals", "copulas", "joint", "point_attrs")},
+    )
 
 
-def _digest(config: Config, folder: Path, rows: list[Row], spared: frozenset[str] = frozenset()) -> str:
-    """What results.h5 depends on: rows, products, points, settings and the analysis' code."""
+def results_digest(
+    config: Config, folder: Path, rows: Sequence[PlannedRun], spared: frozenset[str] = frozenset()
+) -> str:
+    """Return the hash of everything that results.h5 depends on: rows, products, points, settings, analysis code.
+
+    Raises OSError if inputs.json cannot be read, StopIteration if a run is neither spared nor has an outcome.
+    """
     digest = hashlib.sha256(code_digest(ANALYSIS).encode())
     digest.update(json.dumps([config.text, asdict(config.pdem), asdict(config.failures)]).encode())
     digest.update((folder / "inputs.json").read_bytes())
-    kept = archived(folder)
+    archive_ids = archived(folder).keys()
     for row in rows:
         if row.run_id in spared:
             digest.update(f"{row.run_id} spared\n".encode())
             continue
-        places = (folder / row.product, folder / ARCHIVE, (folder / row.product).with_suffix(".failed.json"))
-        path = next(p for p in places if p.exists() and (p.name != ARCHIVE or row.run_id in kept))
-        s = path.stat()
-        digest.update(f"{row.run_id} {path.suffix} {s.st_size} {s.st_mtime_ns}\n".encode())
+        outcomes = (folder / row.product, folder / ARCHIVE, (folder / row.product).with_suffix(".failed.json"))
+        path = next(p for p in outcomes if p.exists() and (p.name != ARCHIVE or row.run_id in archive_ids))
+        stat = path.stat()
+        digest.update(f"{row.run_id} {path.suffix} {stat.st_size} {stat.st_mtime_ns}\n".encode())
     return digest.hexdigest()

@@ -1,34 +1,36 @@
-"""Small files, written whole or not at all."""
+"""Text and JSON files that are written completely or not at all, and the digest of a folder of code."""
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
 import json
-import os
 from pathlib import Path
+from typing import Any
+
+from analysis.files import atomic_write
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text file under a temporary name and move it into place; leave an unchanged file untouched."""
+    """Write a text file in UTF-8 and make its folder; a file that has this text already is not touched.
+
+    Raises OSError if the file cannot be written; the old file then stays as it is.
+    """
     with contextlib.suppress(OSError, UnicodeDecodeError):
         if path.read_text(encoding="utf-8") == text:
             return
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
+    with atomic_write(path) as part:
         part.write_text(text, encoding="utf-8")
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
 
 
-def write_json(path: Path, value) -> None:
+def write_json(path: Path, value: Any) -> None:
+    """Write a value as JSON. Raises OSError if the file cannot be written, TypeError if JSON cannot hold the value."""
     write_text(path, json.dumps(value, indent=1) + "\n")
 
 
-def read_json(path: Path, default=None):
-    """The file's value, or `default` if it is not there or is damaged."""
+def read_json(path: Path, default: Any = None) -> Any:
+    """Return the value in a JSON file, or `default` if the file is missing or damaged."""
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
@@ -36,7 +38,7 @@ def read_json(path: Path, default=None):
 
 
 def code_digest(folder: Path) -> str:
-    """sha256 over the Python files below a folder, in order: which code made a result."""
+    """Return the sha256 of all Python files below a folder: the version of the code that made a result."""
     digest = hashlib.sha256()
     for path in sorted(folder.rglob("*.py")):
         digest.update(path.read_bytes())

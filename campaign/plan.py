@@ -1,40 +1,61 @@
-"""Points and settings become rows: one row, one run, one product; and what it will cost.
+"""The plan: one row per run, made from the points and the settings, and the predicted cost of all runs.
 
-A run's id ends in the hash of everything that run uses, the run it starts from included.  So a changed setting makes
-new rows where it matters, leaves the others as they are, and can never be mistaken for the old one.
+A run id ends in the hash of everything that the run uses, the id of the run it starts from included. A changed setting
+therefore gives new ids to the runs that use it, leaves all other ids as they are, and a product can never be taken for
+that of another setting.
 """
 
 from __future__ import annotations
 
 import csv
-import hashlib
 import io
 import json
 import math
 import os
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from campaign.config import ROOT, Config
+from analysis.files import digest
+from campaign.config import ROOT, Config, grains_file
 from campaign.files import read_json, write_json, write_text
-from campaign.prepare import grains_file
 
-#: Raised for a stage whenever its script computes something else from the same parameters.
+if TYPE_CHECKING:
+    from analysis.points import RepresentativePoints
+    from analysis.points.representative import Point
+
+#: Version of each stage. Raised whenever the script of a stage computes something else from the same parameters.
 PROTOCOL = {"consolidate": 4, "probe": 4, "shear": 5}
 STAGES = ("consolidate", "probe", "shear")
-#: Of the laptop campaign's 855 runs together (data/laptop/tables/runs.csv), starts apart; two at once on two cores.
+
+#: Constants of the cost model, fitted to the sums over the laptop campaign's 855 runs (data/laptop/tables/runs.csv):
+#: 1,000 spheres, two runs at once on two cores. The rates are without the start of YADE, which is SECONDS_PER_START.
 PARTICLE_STEPS_PER_CPU_SECOND = {"consolidate": 0.86e6, "probe": 0.445e6, "shear": 0.524e6}
 SECONDS_PER_START = 1.5
-#: How much larger the step is with `dem.density_scaling` (shear runs at N = 1,000: 1.80 to 1.85).
+#: Steps of a run over (G_p / sigma_3)^(1/3), at the time-step factor STEP_FACTOR and without density scaling. Means of
+#: the same runs: 1,351 per consolidation (2,205 at mu_iso = 0.001, 962 at 0.04, 886 at 0.1), 133 per probe, and per
+#: shear run 7.8 times strain over inertial number.
+CONSOLIDATION_STEPS, PROBE_STEPS, SHEAR_STEPS = 1350.0, 150.0, 8.0
+STEP_FACTOR = 0.8
+#: How much larger the time step is with `dem.density_scaling` (shear runs at N = 1,000: 1.80 to 1.85).
 BALANCED_STEP = 1.85
-#: Friction above which the inertial number of shear has a limit, and that at the threshold (yade_scripts/rve.py).
+#: Rate law of the shear stage: above this mu_s the inertial number is limited; FULL_RATE is the limit at this mu_s. The
+#: values are those of yade_scripts/rve.py, which the campaign cannot import; a test compares them.
 FULL_RATE_FRICTION, FULL_RATE = 0.3, 2.4e-3
-RETRY_STEP = 0.5
+
+PLAN_COLUMNS = ("run_id", "stage", "family", "point", "packing", "mu_iso", "mu_s", "G_p", "product", "start", "steps",
+                "particle_steps", "cpu_seconds")  # fmt: skip
 
 
 @dataclass(frozen=True)
-class Row:
-    """One run: `values` are the parameters its script reads (SI), `start` the run it starts from ("" if none)."""
+class PlannedRun:
+    """One run of the plan, a row of its tables.
+
+    `values` are the parameters that the stage's script reads (SI units), `start` is the id of the run that this run
+    starts from ("" for a consolidation), G_p is in Pa. `steps` and `particle_steps` are predictions.
+    """
 
     run_id: str
     stage: str
@@ -47,68 +68,81 @@ class Row:
     start: str
     steps: float
     particle_steps: float
-    values: dict
+    values: dict[str, Any]
 
     @property
     def product(self) -> str:
+        """Path of the run's product, relative to the campaign's folder."""
         return f"products/{self.run_id}.h5"
 
     @property
     def cpu_seconds(self) -> float:
+        """Predicted CPU time, s."""
         return predicted_seconds(self.stage, self.particle_steps)
 
 
-def make_rows(config: Config, points: list[dict]) -> list[Row]:
-    """All runs of a campaign, stage by stage, the costliest first within a stage.
+def make_rows(config: Config, points: RepresentativePoints) -> list[PlannedRun]:
+    """Return all runs of a campaign, stage by stage, within a stage the costliest first.
 
-    points: dicts with id, mu_s and G_p (Pa).  Rows that two families share stand once, under family "shared".
+    A run that several points or families use occurs once; a consolidation has the family "shared".
     """
-    rows: dict[str, Row] = {}
+    rows: dict[str, PlannedRun] = {}
+    all_points = list(points)
     for packing in config.assembly.packings:
-        first = packing == config.assembly.packings[0]
+        is_first = packing == config.assembly.packings[0]
         for mu_iso in config.consolidation.mu_iso:
-            for family, fixed, own in _families(config, points, first):
-                for point in own if first else _spread(own, "mu_s", config.assembly.replicate_points):
-                    _chain(rows, config, family, packing, mu_iso, point, fixed)
+            for family, mu_s_fixed, family_points in _families(config, all_points, is_first):
+                if not is_first:
+                    family_points = _spread(family_points, "mu_s", config.assembly.replicate_points)
+                for point in family_points:
+                    _add_chain(rows, config, family, packing, mu_iso, point, mu_s_fixed)
     order = {stage: k for k, stage in enumerate(STAGES)}
-    return sorted(rows.values(), key=lambda r: (order[r.stage], -r.particle_steps, r.run_id))
+    return sorted(rows.values(), key=lambda row: (order[row.stage], -row.particle_steps, row.run_id))
 
 
-def _families(config: Config, points: list[dict], first: bool):
-    """Family, its fixed mu_s (None: each point has its own), and its points; a second family has one packing."""
+def _families(
+    config: Config, points: Sequence[Point], is_first: bool
+) -> Iterator[tuple[str, float | None, Sequence[Point]]]:
+    """Name, fixed mu_s (None: that of each point) and points of each family; the second family has one packing only."""
     yield "coupled", None, points
-    if config.families.G_p_only and first:
+    if config.families.G_p_only and is_first:
         yield "G_p", config.families.mu_s_fixed, _spread(points, "G_p", config.families.G_p_points)
 
 
-def _spread(points: list[dict], symbol: str, wanted: int) -> list[dict]:
-    """So many of the points, evenly spread in the order of a property; all for -1."""
-    if wanted < 0 or wanted >= len(points):
+def _spread(points: Sequence[Point], symbol: str, count: int) -> Sequence[Point]:
+    """`count` of the points, evenly spread in the order of the property `symbol`; all points for -1."""
+    if count < 0 or count >= len(points):
         return points
-    ranked = sorted(points, key=lambda p: p[symbol])
-    return [ranked[int((k + 0.5) * len(points) / wanted)] for k in range(wanted)]
+    ranked = sorted(points, key=lambda point: getattr(point, symbol))
+    return [ranked[int((k + 0.5) * len(points) / count)] for k in range(count)]
 
 
-def _chain(rows, config: Config, family: str, packing: int, mu_iso: float, point: dict, mu_s_fixed) -> None:
-    """Add consolidate -> probe -> shear of one point, one density, one packing."""
-    mu_s = point["mu_s"] if mu_s_fixed is None else mu_s_fixed
+def _add_chain(
+    rows: dict[str, PlannedRun],
+    config: Config,
+    family: str,
+    packing: int,
+    mu_iso: float,
+    point: Point,
+    mu_s_fixed: float | None,
+) -> None:
+    """Add consolidation, probe and shear of one point, one density and one packing; runs that are there stay."""
+    mu_s = point.mu_s if mu_s_fixed is None else mu_s_fixed
     dem, per_point = config.dem, config.consolidation.per_point
     common = {
         "assembly": f"assembly_{packing}.h5", "mu_iso": mu_iso, "sigma_3": config.consolidation.sigma_3_kPa * 1e3,
         "nu": config.material.nu, "rho": config.material.rho, "d50": config.assembly.d50_mm * 1e-3, "seed": packing,
         "timestep_factor": dem.timestep_factor, "stiffness_scale": 1.0, "density_scaling": int(dem.density_scaling),
     }  # fmt: skip
-    where = {"packing": packing, "mu_iso": mu_iso}
-    G_first = point["G_p"] if per_point else config.consolidation.G_ref_GPa * 1e9
-    first = _row(
-        config, "consolidate", "shared", point["id"] if per_point else -1, where, math.nan, G_first, "", common
-    )
+    planned = partial(_planned_run, config, packing=packing, mu_iso=mu_iso)
+    G_p = point.G_p if per_point else config.consolidation.G_ref_GPa * 1e9
+    first = planned("consolidate", "shared", point.id if per_point else -1, math.nan, G_p, "", common)
     rows.setdefault(first.run_id, first)
     swapped = common | {"mu_s": mu_s, "damping": dem.damping, "heterogeneity": config.material.heterogeneity}
     if config.material.heterogeneity == "grain":
-        swapped["grains"] = grains_file(config, point["id"])
+        swapped["grains"] = grains_file(config, point.id)
     probe_only = {"probe_strain": config.probe.strain}
-    probe = _row(config, "probe", family, point["id"], where, mu_s, point["G_p"], first.run_id, swapped | probe_only)
+    probe = planned("probe", family, point.id, mu_s, point.G_p, first.run_id, swapped | probe_only)
     rows.setdefault(probe.run_id, probe)
     shear_only = {
         "inertial_number": config.shear.inertial_number, "strain_end": config.shear.strain_end,
@@ -117,109 +151,136 @@ def _chain(rows, config: Config, family: str, packing: int, mu_iso: float, point
     }  # fmt: skip
     if config.shear.energy_strain:
         shear_only["energy_strain"] = config.shear.energy_strain
-    shear = _row(config, "shear", family, point["id"], where, mu_s, point["G_p"], probe.run_id, swapped | shear_only)
+    shear = planned("shear", family, point.id, mu_s, point.G_p, probe.run_id, swapped | shear_only)
     rows.setdefault(shear.run_id, shear)
 
 
-def _row(config, stage, family, point, where, mu_s, G_p, start, values) -> Row:
+def _planned_run(
+    config: Config,
+    stage: str,
+    family: str,
+    point: int,
+    mu_s: float,
+    G_p: float,
+    start: str,
+    values: dict[str, Any],
+    *,
+    packing: int,
+    mu_iso: float,
+) -> PlannedRun:
+    """One run with its id. The keys and values that are hashed must stay as they are, for they make the ids."""
     values = values | {"G_p": G_p, "start": f"products/{start}.h5" if start else ""}
     grains = config.assembly
-    used = {"stage": stage, "protocol": PROTOCOL[stage], "N": grains.N, "sigma_ln": grains.sigma_ln,
-            "distribution": grains.distribution, **values}  # fmt: skip
-    digest = hashlib.sha256(json.dumps(used, sort_keys=True).encode()).hexdigest()[:8]
+    hashed = {"stage": stage, "protocol": PROTOCOL[stage], "N": grains.N, "sigma_ln": grains.sigma_ln,
+              "distribution": grains.distribution, **values}  # fmt: skip
     names = [stage]
     if not math.isnan(mu_s):
         names.append(f"mu{mu_s:.3f}")
-    names += [f"G{G_p / 1e9:.1f}", f"iso{where['mu_iso']:.3f}", f"s{where['packing']}", digest]
+    names += [f"G{G_p / 1e9:.1f}", f"iso{mu_iso:.3f}", f"s{packing}"]
+    run_id = "_".join([*names, digest(json.dumps(hashed, sort_keys=True).encode(), 8)])
     steps = predicted_steps(stage, values)
-    return Row("_".join(names), stage, family, point, where["packing"], where["mu_iso"], mu_s, G_p, start, steps,
-               steps * grains.N, values)  # fmt: skip
+    return PlannedRun(run_id, stage, family, point, packing, mu_iso, mu_s, G_p, start, steps, steps * grains.N, values)
 
 
-def predicted_steps(stage: str, values: dict) -> float:
-    """Steps of a run: 8 (strain / I) (G_p / sigma_3)^(1/3) at 0.8 of the contact time step, and its like."""
+def predicted_steps(stage: str, values: dict[str, Any]) -> float:
+    """Return the predicted number of time steps of a run with these parameters (SI units).
+
+    The time step scales with (G_p / sigma_3)^(-1/3) in units of the inertial time d50 sqrt(rho / sigma_3). A shear run
+    lasts strain over inertial number inertial times, a consolidation or a probe a fixed number of them, so that
+
+        steps = C (G_p / sigma_3)^(1/3) / (timestep_factor / STEP_FACTOR)
+
+    with C = CONSOLIDATION_STEPS, PROBE_STEPS, or SHEAR_STEPS times strain over inertial number.
+    """
     stiff = (values["G_p"] * values["stiffness_scale"] / values["sigma_3"]) ** (1.0 / 3.0)
-    step = values["timestep_factor"] / 0.8 * (BALANCED_STEP if values["density_scaling"] else 1.0)
+    step = values["timestep_factor"] / STEP_FACTOR * (BALANCED_STEP if values["density_scaling"] else 1.0)
     if stage == "shear":
         rate = effective_rate(values["inertial_number"], values["mu_s"])
-        return 8.0 * values["strain_end"] / rate * stiff / step
-    return {"consolidate": 1350.0, "probe": 150.0}[stage] * stiff / step
+        return SHEAR_STEPS * values["strain_end"] / rate * stiff / step
+    return {"consolidate": CONSOLIDATION_STEPS, "probe": PROBE_STEPS}[stage] * stiff / step
 
 
 def predicted_seconds(stage: str, particle_steps: float) -> float:
-    """CPU time (s) of a run, YADE's start included."""
+    """Return the predicted CPU time (s) of a run, the start of YADE included."""
     return SECONDS_PER_START + particle_steps / PARTICLE_STEPS_PER_CPU_SECOND[stage]
 
 
-def effective_rate(asked: float, mu_s: float) -> float:
-    """Inertial number at which shear runs: the one asked for, above FULL_RATE_FRICTION under its limit."""
-    return asked if mu_s <= FULL_RATE_FRICTION else min(asked, FULL_RATE * FULL_RATE_FRICTION / mu_s)
+def effective_rate(inertial_number: float, mu_s: float) -> float:
+    """Return the inertial number at which shear runs: the given one, limited above mu_s = FULL_RATE_FRICTION."""
+    if mu_s <= FULL_RATE_FRICTION:
+        return inertial_number
+    return min(inertial_number, FULL_RATE * FULL_RATE_FRICTION / mu_s)
 
 
-def predicted_cost(rows: list[Row]) -> dict[str, dict]:
-    """Runs, particle-steps and core-hours by stage, and in all."""
+def predicted_cost(rows: Sequence[PlannedRun]) -> dict[str, dict[str, float]]:
+    """Return runs, particle_steps and core_hours by stage, and their sums under "total"."""
     cost = {}
     for stage in (*STAGES, "total"):
-        some = [r for r in rows if stage in (r.stage, "total")]
+        rows_of_stage = [row for row in rows if stage in (row.stage, "total")]
         cost[stage] = {
-            "runs": len(some),
-            "particle_steps": sum(r.particle_steps for r in some),
-            "core_hours": sum(r.cpu_seconds for r in some) / 3600.0,
+            "runs": len(rows_of_stage),
+            "particle_steps": sum(row.particle_steps for row in rows_of_stage),
+            "core_hours": sum(row.cpu_seconds for row in rows_of_stage) / 3600.0,
         }
     return cost
 
 
-def collapsing(rows: list[Row]) -> dict[float, int]:
-    """mu_iso -> how many points' packings collapse to a denser one when the grains take on their own friction."""
-    lower = {(r.mu_iso, r.point) for r in rows if r.family == "coupled" and r.mu_s < r.mu_iso}
+def collapsing(rows: Sequence[PlannedRun]) -> dict[float, int]:
+    """Return mu_iso -> number of points with mu_s < mu_iso; densities without such points are left out.
+
+    A packing of such a point collapses to a denser one when the grains take on their own, lower friction.
+    """
+    lower = {(row.mu_iso, row.point) for row in rows if row.family == "coupled" and row.mu_s < row.mu_iso}
     return {mu_iso: sum(m == mu_iso for m, _ in lower) for mu_iso in sorted({m for m, _ in lower})}
 
 
-PLAN_COLUMNS = ("run_id", "stage", "family", "point", "packing", "mu_iso", "mu_s", "G_p", "product", "start", "steps",
-                "particle_steps", "cpu_seconds")  # fmt: skip
+def write_plan(rows: Sequence[PlannedRun], folder: Path) -> list[str]:
+    """Write tables/plan.csv (for people) and batch/<stage>.table (for yade-batch) from the same rows.
 
-
-def write_plan(rows: list[Row], folder: Path) -> list[str]:
-    """tables/plan.csv for people and batch/<stage>.table for yade-batch, from the same rows.
-
-    Returns the files that somebody had edited since they were written; they are written anew.
+    Returns the names of those files that were edited by hand since they were last written; they are written anew.
+    Raises OSError if a file cannot be written.
     """
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(PLAN_COLUMNS)
     for row in rows:
-        writer.writerow([_plain(getattr(row, name)) for name in PLAN_COLUMNS])
+        writer.writerow([_csv_cell(getattr(row, name)) for name in PLAN_COLUMNS])
     files = {"tables/plan.csv": out.getvalue()}
     for stage in STAGES:
-        some = [row for row in rows if row.stage == stage]
-        files[f"batch/{stage}.table"] = yade_table(some, f"yade-batch batch/{stage}.table {script(folder, stage)}")
+        command = f"yade-batch batch/{stage}.table {script(folder, stage)}"
+        files[f"batch/{stage}.table"] = yade_table([row for row in rows if row.stage == stage], command)
     written = read_json(folder / "tables" / "written.json", {})
-    edited = [name for name, digest in written.items() if _file_digest(folder / name) not in ("", digest)]
+    edited = [name for name, written_digest in written.items() if _digest(folder / name) not in ("", written_digest)]
     for name, text in files.items():
         write_text(folder / name, text)
-    write_json(folder / "tables" / "written.json", {name: _file_digest(folder / name) for name in files})
+    write_json(folder / "tables" / "written.json", {name: _digest(folder / name) for name in files})
     return edited
 
 
-def _file_digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:16] if path.exists() else ""
+def _digest(path: Path) -> str:
+    return digest(path.read_bytes(), 16) if path.exists() else ""
 
 
-def _plain(value):
+def _csv_cell(value: Any) -> Any:
+    """Large whole numbers in six digits, everything else as it is."""
     return f"{value:.6g}" if isinstance(value, float) and value > 1e4 and value == round(value) else value
 
 
 def table_path(folder: Path, stage: str) -> Path:
+    """Return the path of a stage's table for yade-batch."""
     return folder / "batch" / f"{stage}.table"
 
 
 def script(folder: Path, stage: str) -> str:
-    """The stage's script as seen from the campaign's folder."""
+    """Return the path of a stage's script, relative to the campaign's folder."""
     return os.path.relpath(ROOT / "yade_scripts" / f"{stage}.py", folder)
 
 
-def yade_table(rows: list[Row], note: str) -> str:
-    """Rows as yade-batch reads them: text in quotes (not the description), numbers in full, a newline at the end."""
+def yade_table(rows: Sequence[PlannedRun], note: str) -> str:
+    """Return rows of one stage as a parameter table of YADE; its first line is a comment that ends in `note`.
+
+    Text is in quotes (the description is not), numbers have all their digits, and the text ends with a newline.
+    """
     if not rows:
         return f"# {note}\n"
     names = ["description", "product", *rows[0].values]
@@ -232,5 +293,5 @@ def yade_table(rows: list[Row], note: str) -> str:
 
 
 def table_line(position: int) -> int:
-    """The line (as an editor counts) of a stage's row number `position`."""
+    """Return the line number (from 1, as in an editor) of the row at a position (from 0) in a stage's table."""
     return position + 3

@@ -1,144 +1,144 @@
-"""Before the first run: fit the inputs, choose the points, make the assemblies; once, and never again by accident.
+"""Preparation of a campaign: fit the inputs, choose the representative points, make the assemblies.
 
-`prepare` writes points.csv (id, mu_s, G_p, probability), inputs.json (what was fitted), assembly_<seed>.h5, and where
-every grain shall have properties of its own, grains_<point>_<hash>.h5.  As long
-as the settings of [inputs] and [points] and the pairs stay the same, the points stay the same.
+`prepare` writes points.csv (id, mu_s, G_p, G_p_GPa, probability), inputs.json (the fits), assembly_<seed>.h5, and with
+`heterogeneity = "grain"` a file grains_<point>_<hash>.h5 per point. The points are chosen once: they stay the same as
+long as [inputs], [points] and the pairs do.
 """
 
 from __future__ import annotations
 
-import csv
-import hashlib
-import io
 import json
 from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from campaign.config import Config
+from analysis.errors import GrainScatterError
+from analysis.files import atomic_write, digest
+from campaign.config import Config, grains_file
 from campaign.files import read_json, write_json, write_text
 
-POINT_COLUMNS = ("id", "mu_s", "G_p", "G_p_GPa", "probability")
+if TYPE_CHECKING:
+    import numpy as np
+
+    from analysis.inputs.joint import Joint
+    from analysis.points import RepresentativePoints
 
 
-class PlanError(ValueError):
-    """A campaign folder that cannot be planned or used as it is; one line that names the file."""
+class PlanError(GrainScatterError):
+    """A campaign's folder cannot be planned or used as it is; the text is one line that names the file."""
 
 
-def prepare(config: Config, folder: Path) -> tuple[list[dict], str]:
-    """The points of the campaign and a word on them: "chosen", "chosen anew" or "kept".
+def prepare(config: Config, folder: Path) -> tuple[RepresentativePoints, str]:
+    """Return the points of the campaign and what was done: "chosen", "chosen anew" or "kept".
 
-    Raises PlanError, ConfigError or the analysis' own InputError and the like; then nothing has been written.
+    Raises PlanError, ConfigError or another GrainScatterError of the analysis if the inputs cannot be used, before
+    anything is written, and OSError if a file cannot be written.
     """
-    noted = read_json(folder / "inputs.json", {})
-    kept = noted.get("digest") == inputs_digest(config) and (folder / "points.csv").exists()
-    word = "kept" if kept else "chosen anew" if noted else "chosen"
-    points, noted = (read_points(folder), noted) if kept else _choose(config)
+    inputs = read_json(folder / "inputs.json", {})
+    keep = inputs.get("digest") == inputs_digest(config) and (folder / "points.csv").exists()
+    outcome = "kept" if keep else "chosen anew" if inputs else "chosen"
+    points, inputs = (read_points(folder), inputs) if keep else _choose(config)
     if config.material.heterogeneity == "grain":
-        _sample_grains(config, folder, points, noted, anew=not kept)
-    if not kept:
-        text = points_text(points)
+        _sample_grains(config, folder, points, inputs, anew=not keep)
+    if not keep:
+        text = points.to_csv()
         write_text(folder / "points.csv", text)
-        write_json(folder / "inputs.json", noted | points_note(config, text))
+        write_json(folder / "inputs.json", inputs | points_note(config, text))
     _make_assemblies(config, folder)
     write_text(folder / "config.toml", config.text)
-    return points, word
+    return points, outcome
 
 
-def read_points(folder: Path) -> list[dict]:
-    """The points as chosen.  Raises PlanError if there are none, or if the file was edited since."""
+def read_points(folder: Path) -> RepresentativePoints:
+    """Return the points in a folder's points.csv.
+
+    Raises PlanError if the folder has no plan, or if the file was edited since the points were chosen.
+    """
+    from analysis.points import RepresentativePoints
+
     path = folder / "points.csv"
-    noted = read_json(folder / "inputs.json", {})
+    inputs = read_json(folder / "inputs.json", {})
     try:
         text = path.read_text(encoding="utf-8")
     except OSError:
         raise PlanError(f"{folder}: has no plan yet; run `python3 -m campaign plan CONFIG` first") from None
-    if noted.get("points_digest") != _digest(text.encode()):
+    if inputs.get("points_digest") != digest(text.encode(), 16):
         raise PlanError(f"{path}: was changed since the points were chosen; restore it, or delete it to choose again")
-    lines = csv.DictReader(io.StringIO(text))
-    return [{"id": int(p["id"]), **{k: float(p[k]) for k in ("mu_s", "G_p", "probability")}} for p in lines]
+    return RepresentativePoints.from_csv(text)
 
 
-def read_planned_points(config: Config, folder: Path) -> list[dict]:
-    """The points of a plan made from these very inputs.  Raises PlanError if there is none, or if they changed."""
+def read_planned_points(config: Config, folder: Path) -> RepresentativePoints:
+    """Return the points of a plan made from the inputs of this very campaign file.
+
+    Raises PlanError if there is no plan, or if the inputs changed since the points were chosen.
+    """
     points = read_points(folder)
     if read_json(folder / "inputs.json", {}).get("digest") != inputs_digest(config):
-        raise PlanError(f"{folder}: [inputs], [points], the pairs or (with E_p_GPa) material.nu "
-                        "changed since the points were chosen; run `plan`")
+        raise PlanError(
+            f"{folder}: [inputs], [points], the pairs or (with E_p_GPa) material.nu "
+            "changed since the points were chosen; run `plan`"
+        )
     return points
 
 
 def inputs_digest(config: Config) -> str:
-    """What the points depend on: [inputs], [points], the bytes of the pairs file, and with E_p_GPa material.nu."""
+    """Return the hash of what the points depend on: [inputs], [points], the pairs file, and material.nu with E_p_GPa.
+
+    Raises ConfigError if the pairs file is missing, OSError if it cannot be read.
+    """
     settings = json.dumps({"inputs": asdict(config.inputs), "points": asdict(config.points)}, sort_keys=True)
     pairs = config.pairs_path.read_bytes()
     nu = f"nu {config.material.nu}" if b"E_p_GPa" in pairs else ""  # G_p of a measured Young's modulus depends on it
-    return _digest(settings.encode() + pairs + nu.encode())
+    return digest(settings.encode() + pairs + nu.encode(), 16)
 
 
-def _digest(data: bytes) -> str:
-    return hashlib.sha256(data).hexdigest()[:16]
+def points_note(config: Config, text: str) -> dict[str, str]:
+    """Return the part of inputs.json that ties the text of points.csv to its inputs: the hashes of both."""
+    return {"digest": inputs_digest(config), "points_digest": digest(text.encode(), 16)}
 
 
-def _choose(config: Config) -> tuple[list[dict], dict]:
-    """Fit marginals and copulas, join the best, choose the points."""
+def _choose(config: Config) -> tuple[RepresentativePoints, dict[str, Any]]:
+    """Fit marginals and copulas, join the best of them, choose the points. Returns the points and inputs.json."""
     import numpy as np
 
-    from analysis import inputs
+    from analysis.inputs.joint import fit_joint
+    from analysis.inputs.pairs import read_pairs
+    from analysis.points.selection import select_points
 
-    given, asked = config.inputs, config.points
-    pairs = inputs.read_pairs(config.pairs_path, nu=config.material.nu)
-    from analysis import joint, points
-
-    families = {"copula_families": given.copulas or None}
-    if given.marginals:
-        families["marginal_families"] = given.marginals
-    fit = joint.fit_joint(pairs, n_boot=given.bootstrap, seed=given.seed, **families)
-    found = points.select_points(fit.joint, asked.n, method=asked.method, seed=asked.seed, nested=asked.nested)
-    _refuse_impossible(found.x, fit.joint, f"the {asked.n} points", config)
-    rows = [
-        {"id": k, "mu_s": float(x[0]), "G_p": float(x[1]), "probability": float(p)}
-        for k, (x, p) in enumerate(zip(found.x, found.probability, strict=True))
-    ]
-    told = fit.to_dict()
-    told["marginals"] = dict(zip(("mu_s", "G_p"), told["marginals"], strict=True))
-    noted = {
-        "source": given.pairs,
+    pairs = read_pairs(config.pairs_path, nu=config.material.nu)
+    families: dict[str, Any] = {"copula_families": config.inputs.copulas or None}
+    if config.inputs.marginals:
+        families["marginal_families"] = config.inputs.marginals
+    fit = fit_joint(pairs, n_boot=config.inputs.bootstrap, seed=config.inputs.seed, **families)
+    wanted = config.points
+    points = select_points(fit.joint, wanted.n, method=wanted.method, seed=wanted.seed, nested=wanted.nested)
+    _refuse_impossible(points.x, fit.joint, f"the {wanted.n} points", config)
+    fits = fit.to_dict()
+    fits["marginals"] = dict(zip(("mu_s", "G_p"), fits["marginals"], strict=True))
+    inputs = {
+        "source": config.inputs.pairs,
         "pairs": pairs.tolist(),
-        **told,
-        "point_attrs": {"method": found.method, "seed": asked.seed, "discrepancy": found.discrepancy},
+        **fits,
+        "point_attrs": {"method": points.method, "seed": wanted.seed, "discrepancy": points.discrepancy},
     }
-    return rows, json.loads(json.dumps(noted, default=lambda value: np.asarray(value).tolist()))
+    return points, json.loads(json.dumps(inputs, default=lambda value: np.asarray(value).tolist()))
 
 
-def _refuse_impossible(x, joint, what: str, config: Config) -> None:
-    """PlanError for values (n, 2) at or below zero, which a family that is unbounded below may give."""
-    from analysis.marginal_families import FAMILIES
+def _refuse_impossible(x: np.ndarray, joint: Joint, what: str, config: Config) -> None:
+    """Raise PlanError for values x (n, 2) at or below zero, which a family that is unbounded below may give."""
+    from analysis.inputs.marginal_families import FAMILIES
 
     positive = ", ".join(f'"{name}"' for name, family in FAMILIES.items() if family.positive)
     for name, column, marginal in zip(("mu_s", "G_p"), x.T, joint.marginals, strict=True):
-        if (bad := int((column <= 0.0).sum())):
+        if count := int((column <= 0.0).sum()):
             raise PlanError(
-                f"{config.pairs_path}: the {marginal.family} distribution fitted to {name} puts {bad} of {what} at or "
-                f"below zero (least {column.min():.3g}); choose inputs.marginals from {positive}"
+                f"{config.pairs_path}: the {marginal.family} distribution fitted to {name} puts {count} of {what} at "
+                f"or below zero (least {column.min():.3g}); choose inputs.marginals from {positive}"
             )
 
 
-def points_note(config: Config, text: str) -> dict:
-    """What inputs.json says of points.csv: the inputs it belongs to, and its own digest."""
-    return {"digest": inputs_digest(config), "points_digest": _digest(text.encode())}
-
-
-def points_text(points: list[dict]) -> str:
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(POINT_COLUMNS)
-    for p in points:
-        writer.writerow([p["id"], repr(p["mu_s"]), repr(p["G_p"]), f"{p['G_p'] / 1e9:.4f}", repr(p["probability"])])
-    return out.getvalue()
-
-
 def _make_assemblies(config: Config, folder: Path) -> None:
-    """assembly_<seed>.h5 for every packing, unless it is there with the same settings."""
+    """Write assembly_<seed>.h5 for every packing, unless it is there and was made with the same settings."""
     grains = config.assembly
     for seed in grains.packings:
         path = folder / f"assembly_{seed}.h5"
@@ -153,32 +153,27 @@ def _make_assemblies(config: Config, folder: Path) -> None:
         write_json(note, made_with)
 
 
-def grains_file(config: Config, point: int) -> str:
-    """Name of the file with a point's per-grain properties; it carries what they are drawn with, and so do run ids."""
-    drawn_with = json.dumps([asdict(config.inputs), config.material.nu, config.assembly.N], sort_keys=True)
-    return f"grains_{point}_{_digest(drawn_with.encode())[:8]}.h5"
+def _sample_grains(
+    config: Config, folder: Path, points: RepresentativePoints, inputs: dict[str, Any], *, anew: bool
+) -> None:
+    """Draw a pair (mu_s, G_p) for every grain of every point from the fitted joint distribution and write the files.
 
-
-def _sample_grains(config: Config, folder: Path, points: list[dict], noted: dict, *, anew: bool) -> None:
-    """A pair (mu_s, G_p) of its own for every grain, drawn from the fitted joint distribution; checked before written.
-
-    Raises PlanError for a value at or below zero.  Files that are there are kept, unless the points are chosen `anew`.
+    All values are checked before a file is written; raises PlanError for a value at or below zero. Files that are there
+    are kept, unless the points are chosen `anew`.
     """
     import h5py
     import numpy as np
 
-    from analysis.joint import Joint
+    from analysis.inputs.joint import Joint
 
-    joint, drawn = Joint.from_dict(noted["joint"]), {}
+    joint, drawn = Joint.from_dict(inputs["joint"]), {}
     for point in points:
-        path = folder / grains_file(config, point["id"])
+        path = folder / grains_file(config, point.id)
         if anew or not path.exists():
-            rng = np.random.default_rng([config.inputs.seed, point["id"]])
+            rng = np.random.default_rng([config.inputs.seed, point.id])
             drawn[path] = joint.sample(config.assembly.N, rng)
-            _refuse_impossible(drawn[path], joint, f"the {config.assembly.N} grains of point {point['id']}", config)
+            _refuse_impossible(drawn[path], joint, f"the {config.assembly.N} grains of point {point.id}", config)
     for path, grains in drawn.items():
         path.parent.mkdir(parents=True, exist_ok=True)
-        part = path.with_suffix(".part")
-        with h5py.File(part, "w") as file:
+        with atomic_write(path) as part, h5py.File(part, "w") as file:
             file["mu_s"], file["G_p"] = grains.T
-        part.replace(path)

@@ -15,9 +15,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 import matplotlib.pyplot as plt
 
-from analysis import pdem
+from analysis.pdem import evolution
 from analysis.quantities import QUANTITIES
-from analysis.results import ResultsError, read_results
+from analysis.results.reader import ResultsError, read_results
 
 
 def main(path, picture):
@@ -29,9 +29,9 @@ def main(path, picture):
     for mu_iso in results.family_densities(family):
         eta = results.response("eta", mu_iso, family)  # eta.values (strain, point), eta.probability (point,)
         critical = results.state("critical", "eta", mu_iso, family)  # one value a point
-        density = pdem.state_density(critical, results.weights(mu_iso, family))
+        pdf = evolution.state_pdf(critical, results.probability(mu_iso, family))
         print(f"mu_iso = {mu_iso:g}: eta at the end {eta.mean[-1]:.3f} +- {eta.std[-1]:.3f}, "
-              f"probability of a critical eta above 0.6: {density.exceedance(0.6)[0]:.2f}")  # fmt: skip
+              f"probability of a critical eta above 0.6: {pdf.exceedance(0.6)[0]:.2f}")  # fmt: skip
         axis.plot(results.family_points(family)["mu_s"], critical, "o", label=f"$\\mu_{{iso}}$ = {mu_iso:g}")
     axis.set(xlabel=QUANTITIES["mu_s"].label, ylabel="Critical " + QUANTITIES["eta"].label)
     axis.legend()

@@ -17,10 +17,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
+
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from analysis.results import read_results  # noqa: E402
+from analysis.results.reader import read_results  # noqa: E402
 from campaign.evaluate import report_of_file  # noqa: E402
 
 TARGET = ROOT / "data" / "laptop"
@@ -86,7 +88,7 @@ def example_runs(results) -> list[str]:
     """Ids of the chain of the point nearest to the median friction, at the middle density, first packing."""
     runs = results.runs
     points = results.family_points()
-    point = points.loc[(points["mu_s"] - points["mu_s"].median()).abs().idxmin(), "id"]
+    point = int(points.id[np.argmin(np.abs(points.mu_s - np.median(points.mu_s)))])
     mu_iso = results.family_densities()[len(results.family_densities()) // 2]
     first = runs[(runs["mu_iso"] == mu_iso) & (runs["packing"] == runs["packing"].min()) & (runs["status"] == "done")]
     chain = first[first["point"].isin([point, -1]) & first["family"].isin(["coupled", "shared"])]

@@ -18,8 +18,9 @@ from scipy import optimize, special
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from analysis import copulas, marginals
-from analysis.inputs import read_pairs
+from analysis import copulas
+from analysis.inputs import marginals
+from analysis.inputs.pairs import read_pairs
 
 N = 94
 SEED = 2025

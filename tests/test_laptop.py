@@ -9,6 +9,7 @@ from importlib import metadata
 from pathlib import Path
 
 import h5py
+import numpy as np
 import pandas as pd
 import pytest
 import synthetic_results as synthetic
@@ -19,14 +20,16 @@ sys.path.insert(0, str(ROOT / "data"))
 
 import make_laptop  # noqa: E402
 
-from analysis import runfile  # noqa: E402
 from analysis.figures import write_figures  # noqa: E402
-from analysis.results import read_results  # noqa: E402
-from analysis.tables import write_tables  # noqa: E402
+from analysis.points import RepresentativePoints  # noqa: E402
+from analysis.results.reader import read_results  # noqa: E402
+from analysis.runs import run_file  # noqa: E402
+from analysis.tables.registry import write_tables  # noqa: E402
 from campaign.config import read_config  # noqa: E402
 from campaign.evaluate import archive  # noqa: E402
+from campaign.folder import write_failure  # noqa: E402
 from campaign.plan import STAGES, make_rows  # noqa: E402
-from campaign.products import look, write_failure  # noqa: E402
+from campaign.products import run_statuses  # noqa: E402
 
 LAPTOP = ROOT / "data" / "laptop"
 needs_laptop = pytest.mark.skipif(not (LAPTOP / "results.h5").exists(), reason="data/laptop holds no results yet")
@@ -54,7 +57,7 @@ def test_the_committed_tables_are_those_of_the_results(tmp_path):
 
 @needs_laptop
 def test_the_plan_predicts_what_the_campaign_took():
-    points = pd.read_csv(LAPTOP / "points.csv").to_dict("records")
+    points = RepresentativePoints.from_csv((LAPTOP / "points.csv").read_text())
     rows = make_rows(read_config(ROOT / "campaign" / "laptop.toml"), points)
     taken = read_results(LAPTOP / "results.h5").runs.groupby("stage")["cpu_seconds"].sum()
     for stage in STAGES:
@@ -71,21 +74,21 @@ def test_the_results_are_small_and_every_run_has_a_product_or_a_reason():
 
 @needs_laptop
 def test_the_example_runs_are_one_chain():
-    stages = {run.stage: run for run in map(runfile.read_run, (LAPTOP / "example_runs").glob("*.h5"))}
+    stages = {run.stage: run for run in map(run_file.read_run, (LAPTOP / "example_runs").glob("*.h5"))}
     assert set(stages) == {"consolidate", "probe", "shear"}
     assert Path(stages["shear"].parameters["start"]).stem == stages["probe"].path.stem
 
 
 def test_filling_it_copies_results_and_one_chain_of_runs(tmp_path, monkeypatch):
-    plan, points, settings = synthetic.make_campaign(tmp_path / "run", n=3)
-    from analysis.responses import build_results
+    plan, points, info = synthetic.make_campaign(tmp_path / "run", n=3)
+    from analysis.results.build import build_results
 
-    build_results(tmp_path / "run", plan, points, settings)
+    build_results(tmp_path / "run", plan, points, info)
     monkeypatch.setattr(make_laptop, "report_of_file", lambda results, folder: f"{results} {folder}")
     target = tmp_path / "data" / "laptop"
     make_laptop.fill(tmp_path / "run", target)
     kept = {path.stem for path in (target / "example_runs").glob("*.h5")}
-    middle = int(points.loc[(points["mu_s"] - points["mu_s"].median()).abs().idxmin(), "id"])
+    middle = int(points.id[np.argmin(np.abs(points.mu_s - np.median(points.mu_s)))])
     rest = {f"{stage}_coupled_{middle}_iso0.04_s1" for stage in ("probe", "shear")}
     assert kept == {"consolidate_shared_-1_iso0.04_s1"} | rest
     assert (target / "results.h5").read_bytes() == (tmp_path / "run" / "results.h5").read_bytes()
@@ -93,12 +96,12 @@ def test_filling_it_copies_results_and_one_chain_of_runs(tmp_path, monkeypatch):
 
 def test_a_sitting_on_another_machine_starts_with_what_the_archive_keeps(tmp_path):
     small = finish(make_small(tmp_path))
-    archive(small.config, small.folder, small.rows)
+    archive(small.folder, small.rows)
     write_failure(small.folder / "products", "shear_x", "blow-up")
     target, elsewhere = tmp_path / "data", tmp_path / "elsewhere"
     make_laptop.keep(small.folder, target)
     make_laptop.take_up(target, elsewhere)
-    assert {s.state for s in look(elsewhere, small.rows).values()} == {"done"}
+    assert {s.status for s in run_statuses(elsewhere, small.rows).values()} == {"done"}
     assert (elsewhere / "products" / "shear_x.failed.json").exists()
     (elsewhere / "points.csv").write_text("another plan")
     make_laptop.take_up(target, elsewhere)

@@ -1,13 +1,15 @@
-"""Copulas of two variables: families, fitting on ranks, tests of fit and selection; a Gaussian one for more
-variables.
+"""Copulas of two variables: families, fits to ranks, goodness of fit, selection; a Gaussian copula for more variables.
+
+`select` fits and tests the families on pairs, `choose` takes the best one, `multivariate` is for more than two columns.
+Rule: numpy, scipy and `errors` only; no file, no pandas, and no other package of the analysis.
 """
 
 from __future__ import annotations
 
-from analysis.copulas.family import CopulaError
-from analysis.copulas.fitting import CopulaFit, fit, fit_rows, pseudo_observations
-from analysis.copulas.model import FAMILIES, Copula
-from analysis.copulas.selection import PAPER_FAMILIES, candidates, choose, select
+from .family import CopulaError
+from .fitting import CopulaFit, fit, fit_rows, pseudo_observations
+from .model import FAMILIES, Copula
+from .selection import PAPER_FAMILIES, candidates, choose, select
 
 __all__ = [
     "FAMILIES",

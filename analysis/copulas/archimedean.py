@@ -1,11 +1,11 @@
-"""Clayton, Gumbel and Joe copulas (positive dependence; rotations carry the negative)."""
+"""Clayton, Gumbel and Joe copulas for positive dependence; their rotations are for negative dependence."""
 
 from __future__ import annotations
 
 import numpy as np
 from scipy import special
 
-from analysis.copulas.family import Family, log_of, solve_conditional
+from .family import Family, log_of, solve_conditional
 
 
 def _clayton_log_sum(a, b):
@@ -37,17 +37,17 @@ def _clayton_inverse(u, uc, p, pc, theta):
 
 
 CLAYTON = Family(
-    ("theta",),
-    ((1e-4, 50.0),),
-    _clayton_logpdf,
-    lambda u, uc, v, vc, theta: np.exp(-_clayton_parts(u, uc, v, vc, theta)[2] / theta),
-    _clayton_conditional,
-    _clayton_inverse,
-    lambda theta: theta / (theta + 2.0),
-    lambda tau: 2.0 * tau / (1.0 - tau),
-    lambda theta: (np.log(theta),),
-    lambda t: (np.exp(t),),
-    1,
+    names=("theta",),
+    bounds=((1e-4, 50.0),),
+    logpdf=_clayton_logpdf,
+    cdf=lambda u, uc, v, vc, theta: np.exp(-_clayton_parts(u, uc, v, vc, theta)[2] / theta),
+    conditional=_clayton_conditional,
+    inverse=_clayton_inverse,
+    tau=lambda theta: theta / (theta + 2.0),
+    from_tau=lambda tau: 2.0 * tau / (1.0 - tau),
+    to_free=lambda theta: (np.log(theta),),
+    from_free=lambda t: (np.exp(t),),
+    sign=1,
 )
 
 
@@ -70,7 +70,7 @@ def _gumbel_conditional(u, uc, v, vc, theta):
 
 
 def _gumbel_inverse(u, uc, p, pc, theta):
-    """With t = x e^d the condition reads x (e^d - 1) + (theta - 1) d = -ln p: convex in d, Newton from above."""
+    """With t = x e^d the equation is x (e^d - 1) + (theta - 1) d = -ln p, convex in d: Newton's method from above."""
     x, target = -log_of(u, uc), -log_of(p, pc)
     d = np.minimum(target / (x + theta - 1.0), np.log1p(target / x))
     for _ in range(60):
@@ -84,17 +84,17 @@ def _gumbel_inverse(u, uc, p, pc, theta):
 
 
 GUMBEL = Family(
-    ("theta",),
-    ((1.0 + 1e-5, 50.0),),
-    _gumbel_logpdf,
-    lambda u, uc, v, vc, theta: np.exp(-np.exp(_gumbel_parts(u, uc, v, vc, theta)[4])),
-    _gumbel_conditional,
-    _gumbel_inverse,
-    lambda theta: 1.0 - 1.0 / theta,
-    lambda tau: 1.0 / (1.0 - tau),
-    lambda theta: (np.log(theta - 1.0),),
-    lambda t: (1.0 + np.exp(t),),
-    1,
+    names=("theta",),
+    bounds=((1.0 + 1e-5, 50.0),),
+    logpdf=_gumbel_logpdf,
+    cdf=lambda u, uc, v, vc, theta: np.exp(-np.exp(_gumbel_parts(u, uc, v, vc, theta)[4])),
+    conditional=_gumbel_conditional,
+    inverse=_gumbel_inverse,
+    tau=lambda theta: 1.0 - 1.0 / theta,
+    from_tau=lambda tau: 1.0 / (1.0 - tau),
+    to_free=lambda theta: (np.log(theta - 1.0),),
+    from_free=lambda t: (1.0 + np.exp(t),),
+    sign=1,
 )
 
 
@@ -142,15 +142,15 @@ def _joe_from_tau(tau):
 
 
 JOE = Family(
-    ("theta",),
-    ((1.0 + 1e-5, 50.0),),
-    _joe_logpdf,
-    lambda u, uc, v, vc, theta: -np.expm1(_joe_parts(u, uc, v, vc, theta)[3] / theta),
-    _joe_conditional,
-    lambda u, uc, p, pc, theta: solve_conditional(_joe_conditional, _joe_logpdf, u, uc, p, pc, theta),
-    _joe_tau,
-    _joe_from_tau,
-    lambda theta: (np.log(theta - 1.0),),
-    lambda t: (1.0 + np.exp(t),),
-    1,
+    names=("theta",),
+    bounds=((1.0 + 1e-5, 50.0),),
+    logpdf=_joe_logpdf,
+    cdf=lambda u, uc, v, vc, theta: -np.expm1(_joe_parts(u, uc, v, vc, theta)[3] / theta),
+    conditional=_joe_conditional,
+    inverse=lambda u, uc, p, pc, theta: solve_conditional(_joe_conditional, _joe_logpdf, u, uc, p, pc, theta),
+    tau=_joe_tau,
+    from_tau=_joe_from_tau,
+    to_free=lambda theta: (np.log(theta - 1.0),),
+    from_free=lambda t: (1.0 + np.exp(t),),
+    sign=1,
 )

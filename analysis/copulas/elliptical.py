@@ -5,30 +5,34 @@ from __future__ import annotations
 import numpy as np
 from scipy import special
 
-from analysis.copulas.family import Family
+from .family import Family
 
+#: Above LARGEST_NU degrees of freedom Student's copula is practically the Gaussian one.
 LARGEST_NU = 200.0
 SMALLEST_NU = 1.0
 _RHO = (-0.9999, 0.9999)
 
 
-def normal_score(u, uc):
-    """Standard normal quantile of u, exact in both tails."""
+def normal_score(u: np.ndarray, uc: np.ndarray) -> np.ndarray:
+    """Standard normal quantile of probabilities u with complements uc = 1 - u, exact in both tails."""
     lower = u < 0.5
     score = special.ndtri(np.where(lower, u, uc))
     return np.where(lower, score, -score)
 
 
-def student_score(u, uc, nu):
-    """Student t quantile of u with nu >= 1 degrees of freedom: Hill's (1970) start, finished by Newton's method."""
+def student_score(u: np.ndarray, uc: np.ndarray, nu: float | np.ndarray) -> np.ndarray:
+    """Student t quantile of probabilities u with complements uc = 1 - u, nu >= 1 degrees of freedom.
+
+    Starts from Hill's (1970) approximation and takes three steps of Newton's method.
+    """
     lower = u < 0.5
     tail = np.maximum(np.where(lower, u, uc), 1e-120)
     score = -_hill_quantile(tail, nu)
     constant = special.gammaln(0.5 * (nu + 1.0)) - special.gammaln(0.5 * nu) - 0.5 * np.log(nu * np.pi)
     for _ in range(3):
-        log_density = constant - 0.5 * (nu + 1.0) * np.log1p(score**2 / nu)
+        logpdf = constant - 0.5 * (nu + 1.0) * np.log1p(score**2 / nu)
         cdf = special.stdtr(nu, score)
-        score = score + np.log(tail / cdf) * cdf * np.exp(-log_density)
+        score = score + np.log(tail / cdf) * cdf * np.exp(-logpdf)
     return np.where(lower, score, -score)
 
 
@@ -49,23 +53,23 @@ def _hill_quantile(tail, nu):
     return np.sqrt(nu * np.maximum(square, 0.0))
 
 
-def gaussian_log_density(x, y, rho):
-    """Log copula density at normal scores x, y."""
+def gaussian_logpdf(x: np.ndarray, y: np.ndarray, rho: float | np.ndarray) -> np.ndarray:
+    """Log PDF of the Gaussian copula at normal scores x, y."""
     r2 = (1.0 - rho) * (1.0 + rho)
     return -0.5 * np.log(r2) - rho * (rho * (x * x + y * y) - 2.0 * x * y) / (2.0 * r2)
 
 
-def student_log_density(x, y, rho, nu):
-    """Log copula density at Student scores x, y."""
+def student_logpdf(x: np.ndarray, y: np.ndarray, rho: float | np.ndarray, nu: float | np.ndarray) -> np.ndarray:
+    """Log PDF of Student's copula at Student scores x, y."""
     r2 = (1.0 - rho) * (1.0 + rho)
     constant = special.gammaln(0.5 * nu + 1.0) + special.gammaln(0.5 * nu) - 2.0 * special.gammaln(0.5 * (nu + 1.0))
     quadratic = ((x - y) ** 2 + 2.0 * (1.0 - rho) * x * y) / (nu * r2)
-    own = np.log1p(x * x / nu) + np.log1p(y * y / nu)
-    return constant - 0.5 * np.log(r2) - 0.5 * (nu + 2.0) * np.log1p(quadratic) + 0.5 * (nu + 1.0) * own
+    marginals = np.log1p(x * x / nu) + np.log1p(y * y / nu)
+    return constant - 0.5 * np.log(r2) - 0.5 * (nu + 2.0) * np.log1p(quadratic) + 0.5 * (nu + 1.0) * marginals
 
 
-def _nodes(count: int = 320, reach: float = 3.15):
-    """Double-exponential rule on [0, 1]: distance from the left end, distance from the right end, weights."""
+def _nodes(count: int = 320, reach: float = 3.15) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Double-exponential quadrature on [0, 1]: distances from the left end and from the right end, weights."""
     t = np.linspace(-reach, reach, count)
     s = 0.5 * np.pi * np.sinh(t)
     left, right = special.expit(2.0 * s), special.expit(-2.0 * s)
@@ -78,8 +82,8 @@ _LEFT, _RIGHT, _WEIGHT = _nodes()
 def _orthant(x, y, rho, nu, lower_bound):
     """P(X <= x, Y <= y): the Frechet lower bound plus the integral over the correlation from -1 to rho (Plackett 1954).
 
-    With r = sin(theta), dP/dtheta = (1 + (x^2 + y^2 - 2 x y r) / (nu cos^2 theta))^(-nu/2) / (2 pi), and its
-    exponential limit for the Gaussian (nu = None): positive, so nothing cancels in the corners.
+    With r = sin(theta), dP/dtheta = (1 + (x^2 + y^2 - 2 x y r) / (nu cos^2 theta))^(-nu/2) / (2 pi), or its exponential
+    limit for the Gaussian (nu = None).  The integrand is positive, so there is no cancellation in the corners.
     """
     x, y, rho, lower_bound = (
         np.asarray(a, dtype=float)[..., None] for a in np.broadcast_arrays(x, y, rho, lower_bound)
@@ -90,11 +94,11 @@ def _orthant(x, y, rho, nu, lower_bound):
     quadratic = ((x + y) ** 2 - 4.0 * x * y * np.sin(0.5 * angle) ** 2) / np.maximum(cos2, 1e-300)
     quadratic = np.where(np.isnan(quadratic), np.inf, quadratic)
     if nu is None:
-        density = np.exp(-0.5 * quadratic)
+        integrand = np.exp(-0.5 * quadratic)
     else:
         nu = np.asarray(nu, dtype=float)[..., None]
-        density = np.exp(-0.5 * nu * np.log1p(quadratic / nu))
-    return lower_bound[..., 0] + (span * density * _WEIGHT).sum(axis=-1) / (2.0 * np.pi)
+        integrand = np.exp(-0.5 * nu * np.log1p(quadratic / nu))
+    return lower_bound[..., 0] + (span * integrand * _WEIGHT).sum(axis=-1) / (2.0 * np.pi)
 
 
 def _gaussian_cdf(u, uc, v, vc, rho):
@@ -131,40 +135,40 @@ def _elliptical_tau(rho, *_):
 
 
 GAUSSIAN = Family(
-    ("rho",),
-    (_RHO,),
-    lambda u, uc, v, vc, rho: gaussian_log_density(normal_score(u, uc), normal_score(v, vc), rho),
-    _gaussian_cdf,
-    _gaussian_conditional,
-    _gaussian_inverse,
-    _elliptical_tau,
-    lambda tau: np.sin(0.5 * np.pi * tau),
-    lambda rho: (np.arctanh(rho),),
-    lambda t: (np.tanh(t),),
+    names=("rho",),
+    bounds=(_RHO,),
+    logpdf=lambda u, uc, v, vc, rho: gaussian_logpdf(normal_score(u, uc), normal_score(v, vc), rho),
+    cdf=_gaussian_cdf,
+    conditional=_gaussian_conditional,
+    inverse=_gaussian_inverse,
+    tau=_elliptical_tau,
+    from_tau=lambda tau: np.sin(0.5 * np.pi * tau),
+    to_free=lambda rho: (np.arctanh(rho),),
+    from_free=lambda t: (np.tanh(t),),
 )
 
 STUDENT = Family(
-    ("rho", "nu"),
-    (_RHO, (SMALLEST_NU, LARGEST_NU)),
-    lambda u, uc, v, vc, rho, nu: student_log_density(student_score(u, uc, nu), student_score(v, vc, nu), rho, nu),
-    _student_cdf,
-    _student_conditional,
-    _student_inverse,
-    _elliptical_tau,
-    lambda tau: np.sin(0.5 * np.pi * tau),
-    lambda rho, nu: (np.arctanh(rho), 1.0 / nu),
-    lambda t, k: (np.tanh(t), 1.0 / k),
+    names=("rho", "nu"),
+    bounds=(_RHO, (SMALLEST_NU, LARGEST_NU)),
+    logpdf=lambda u, uc, v, vc, rho, nu: student_logpdf(student_score(u, uc, nu), student_score(v, vc, nu), rho, nu),
+    cdf=_student_cdf,
+    conditional=_student_conditional,
+    inverse=_student_inverse,
+    tau=_elliptical_tau,
+    from_tau=lambda tau: np.sin(0.5 * np.pi * tau),
+    to_free=lambda rho, nu: (np.arctanh(rho), 1.0 / nu),
+    from_free=lambda t, k: (np.tanh(t), 1.0 / k),
 )
 
 INDEPENDENCE = Family(
-    (),
-    (),
-    lambda u, uc, v, vc: 0.0 * (u + v),
-    lambda u, uc, v, vc: u * v,
-    lambda u, uc, v, vc: v + 0.0 * u,
-    lambda u, uc, p, pc: (p + 0.0 * u, pc + 0.0 * u),
-    lambda: 0.0,
-    lambda tau: 0.0,
-    lambda: (),
-    lambda: (),
+    names=(),
+    bounds=(),
+    logpdf=lambda u, uc, v, vc: 0.0 * (u + v),
+    cdf=lambda u, uc, v, vc: u * v,
+    conditional=lambda u, uc, v, vc: v + 0.0 * u,
+    inverse=lambda u, uc, p, pc: (p + 0.0 * u, pc + 0.0 * u),
+    tau=lambda: 0.0,
+    from_tau=lambda tau: 0.0,
+    to_free=lambda: (),
+    from_free=lambda: (),
 )

@@ -1,18 +1,22 @@
-"""What a copula family is made of, and how a rotation makes a new family from an old one.
+"""The functions that define a copula family, and the rotation of a family.
 
-Every function takes a probability together with its complement, (u, uc = 1 - u), so that logarithms stay exact in all
-four corners of the unit square, and broadcasts over points and parameters alike.
+Every function takes a probability together with its complement (u, uc = 1 - u), so that logarithms are exact in all
+four corners of the unit square.  Points and parameters broadcast.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+from ..errors import GrainScatterError
 
 
-class CopulaError(ValueError):
+class CopulaError(GrainScatterError):
     """A copula does not exist for these parameters, or cannot be fitted to these data."""
 
 
@@ -20,27 +24,27 @@ class CopulaError(ValueError):
 class Family:
     """One bivariate family, exchangeable in u and v unless it is a rotation by 90 or 270 degrees.
 
-    logpdf(u, uc, v, vc, *params), cdf(...) -> C, conditional(...) -> P(V <= v | U = u); inverse(u, uc, p, pc,
-    *params) -> (v, vc); tau(*params) and from_tau(tau) -> first parameter. `to_free` and `from_free` map the
-    parameters to unbounded coordinates in which the likelihood is nearly quadratic; `sign` is 1 or -1 if tau can have
-    only that sign, else 0.
+    names and bounds of the parameters; logpdf(u, uc, v, vc, *params), cdf(...) -> C, conditional(...) -> P(V <= v | U =
+    u); inverse(u, uc, p, pc, *params) -> (v, vc); tau(*params) -> Kendall's tau and from_tau(tau) -> first parameter.
+    `to_free` and `from_free` map the parameters to unbounded coordinates and back, in which the likelihood is nearly
+    quadratic.  `sign` is 1 or -1 if tau can have only that sign, else 0.
     """
 
     names: tuple[str, ...]
     bounds: tuple[tuple[float, float], ...]
-    logpdf: Callable
-    cdf: Callable
-    conditional: Callable
-    inverse: Callable
-    tau: Callable
-    from_tau: Callable
-    to_free: Callable
-    from_free: Callable
+    logpdf: Callable[..., np.ndarray]
+    cdf: Callable[..., np.ndarray]
+    conditional: Callable[..., np.ndarray]
+    inverse: Callable[..., tuple[np.ndarray, np.ndarray]]
+    tau: Callable[..., Any]
+    from_tau: Callable[[Any], Any]
+    to_free: Callable[..., tuple[Any, ...]]
+    from_free: Callable[..., tuple[Any, ...]]
     sign: int = 0
 
 
 def rotated(base: Family, degrees: int) -> Family:
-    """The family turned by 90, 180 or 270 degrees: densities c(1-u, v), c(1-u, 1-v) and c(u, 1-v)."""
+    """The family turned by 90, 180 or 270 degrees: PDFs c(1-u, v), c(1-u, 1-v) and c(u, 1-v)."""
     turn_u, turn_v = degrees in (90, 180), degrees in (180, 270)
 
     def arguments(u, uc, v, vc):
@@ -60,37 +64,45 @@ def rotated(base: Family, degrees: int) -> Family:
 
     sign = 1 if degrees == 180 else -1
     return Family(
-        base.names,
-        base.bounds,
-        lambda u, uc, v, vc, *params: base.logpdf(*arguments(u, uc, v, vc), *params),
-        cdf,
-        conditional,
-        inverse,
-        lambda *params: sign * base.tau(*params),
-        lambda tau: base.from_tau(sign * tau),
-        base.to_free,
-        base.from_free,
-        sign,
+        names=base.names,
+        bounds=base.bounds,
+        logpdf=lambda u, uc, v, vc, *params: base.logpdf(*arguments(u, uc, v, vc), *params),
+        cdf=cdf,
+        conditional=conditional,
+        inverse=inverse,
+        tau=lambda *params: sign * base.tau(*params),
+        from_tau=lambda tau: base.from_tau(sign * tau),
+        to_free=base.to_free,
+        from_free=base.from_free,
+        sign=sign,
     )
 
 
-def log_of(u, uc):
-    """ln u from u and its complement, exact near both ends."""
+def log_of(u: np.ndarray, uc: np.ndarray) -> np.ndarray:
+    """ln u from u and its complement uc, exact near both ends."""
     return np.where(u < 0.5, np.log(u), np.log1p(-np.where(u < 0.5, 0.0, uc)))
 
 
-def solve_conditional(conditional: Callable, logpdf: Callable, u, uc, p, pc, *params):
+def solve_conditional(
+    conditional: Callable[..., np.ndarray],
+    logpdf: Callable[..., np.ndarray],
+    u: np.ndarray,
+    uc: np.ndarray,
+    p: np.ndarray,
+    pc: np.ndarray,
+    *params: ArrayLike,
+) -> tuple[np.ndarray, np.ndarray]:
     """Invert P(V <= v | U = u) = p by Newton's method in logit v, safeguarded by bisection: returns (v, 1 - v)."""
-    u, uc, p, pc, *params = np.broadcast_arrays(u, uc, p, pc, *params)
-    shape = p.shape
-    u, uc, p, pc, *params = (array.ravel() for array in (u, uc, p, pc, *params))
+    arrays = np.broadcast_arrays(u, uc, p, pc, *params)
+    shape = arrays[0].shape
+    u, uc, p, pc, *values = (array.ravel() for array in arrays)
     low, high = np.full(p.shape, -700.0), np.full(p.shape, 700.0)
     y = np.clip(np.log(p) - np.log(pc), -690.0, 690.0)
     target = log_of(p, pc)
     active = np.arange(p.size)
     for _ in range(200):
         at, vs, vcs = y[active], _expit(y[active]), _expit(-y[active])
-        arguments = (u[active], uc[active], vs, vcs, *(value[active] for value in params))
+        arguments = (u[active], uc[active], vs, vcs, *(column[active] for column in values))
         value = np.maximum(conditional(*arguments), 1e-320)
         gap = np.log(value) - target[active]
         low[active] = np.where(gap < 0.0, at, low[active])
@@ -106,5 +118,5 @@ def solve_conditional(conditional: Callable, logpdf: Callable, u, uc, p, pc, *pa
     return _expit(y).reshape(shape), _expit(-y).reshape(shape)
 
 
-def _expit(y):
+def _expit(y: np.ndarray) -> np.ndarray:
     return np.where(y < 0.0, np.exp(np.minimum(y, 0.0)), 1.0) / (1.0 + np.exp(-np.abs(y)))

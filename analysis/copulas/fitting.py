@@ -1,27 +1,32 @@
-"""Maximum pseudo-likelihood on ranks, one sample or many at once, with standard errors that know about the ranks."""
+"""Maximum pseudo-likelihood on ranks, of one sample or many at once, with standard errors that allow for the ranks."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import optimize, stats
 
-from analysis.copulas import elliptical
-from analysis.copulas.family import CopulaError, Family
-from analysis.copulas.model import Copula, evaluate, family_of
+from . import elliptical
+from .family import CopulaError, Family
+from .model import Copula, evaluate, family_of
 
+#: 97.5 % quantile of the standard normal distribution: half-width of a 95 % interval in standard errors.
+_NORMAL_975 = 1.959963984540054
 _TAU_GRID = np.linspace(-0.9, 0.9, 19)
 _KAPPA_GRID = np.concatenate([[1.0 / elliptical.LARGEST_NU], np.linspace(0.02, 0.5, 25), [0.6, 0.8, 1.0]])
 
 
 @dataclass(frozen=True)
 class CopulaFit:
-    """One family fitted to n pairs of pseudo-observations, and its test of fit once that has been made.
+    """One family fitted to n pairs of pseudo-observations, with its test of fit, if made.
 
-    `loglik`, `aic` and `bic` are pseudo-likelihood values, since they are computed on ranks. `se` and `interval` (95
-    %) follow Genest, Ghoudi and Rivest (1995). `S`, `p_paper` (against independent uniforms), `p_bootstrap` and
-    `accepted` (p_bootstrap > 0.05) are None until `select` fills them in.
+    `loglik`, `aic` and `bic` are pseudo-likelihood values, because they are computed from ranks.  `se` and `interval`
+    (95 %) follow Genest, Ghoudi and Rivest (1995).  `S`, `p_paper` (against independent uniforms), `p_bootstrap`,
+    `accepted` (p_bootstrap > 0.05) and `n_boot` are None before `select` has tested the fit.
     """
 
     family: str
@@ -45,28 +50,28 @@ class CopulaFit:
         """The fitted copula."""
         return Copula(self.family, self.parameters)
 
-    def to_dict(self) -> dict:
+    def to_dict(self) -> dict[str, Any]:
         """A JSON-ready dictionary."""
         return asdict(self)
 
     @staticmethod
-    def from_dict(data: dict) -> CopulaFit:
+    def from_dict(data: dict[str, Any]) -> CopulaFit:
         """The inverse of to_dict."""
         tuples = {key: tuple(data[key]) for key in ("parameters", "names", "se")}
         return CopulaFit(**{**data, **tuples, "interval": tuple(tuple(pair) for pair in data["interval"])})
 
 
-def pseudo_observations(x) -> np.ndarray:
+def pseudo_observations(x: ArrayLike) -> np.ndarray:
     """Ranks over n + 1 along the last axis, mid-ranks for ties: (..., n) values to (..., n) numbers in (0, 1)."""
     x = np.asarray(x, dtype=float)
     return stats.rankdata(x, axis=-1) / (x.shape[-1] + 1.0)
 
 
-def fit(x, y, family: str, ranks: bool = True) -> CopulaFit:
+def fit(x: ArrayLike, y: ArrayLike, family: str, ranks: bool = True) -> CopulaFit:
     """Fit one family to n pairs by maximum pseudo-likelihood; x, y (n,) are ranked first (they may be ranks already).
 
-    With `ranks=False` x and y are taken as the probabilities themselves.  Raises CopulaError for fewer than 5 pairs,
-    non-finite values, a constant column, or a family whose sign of dependence is the opposite of the data's.
+    With `ranks=False` x and y are the probabilities themselves.  Raises CopulaError for fewer than 5 pairs, non-finite
+    values, a constant column, or a family whose sign of dependence is opposite to that of the data.
     """
     kind = family_of(family)
     u, v = _checked(x, y, family, ranks)
@@ -77,7 +82,9 @@ def fit(x, y, family: str, ranks: bool = True) -> CopulaFit:
             f"{family}: Kendall's tau of the pairs is {tau:.3f}, which it cannot have; turn it by {turned} degrees"
         )
     if not kind.names:
-        return CopulaFit(family, (), (), (), (), u.size, 0.0, 0.0, 0.0, 0.0)
+        return CopulaFit(
+            family=family, parameters=(), names=(), se=(), interval=(), n=u.size, loglik=0.0, aic=0.0, bic=0.0, tau=0.0
+        )
     estimate = fit_rows(u[None], v[None], family)[0]
     free = np.array([float(value) for value in kind.to_free(*estimate)])
     spread = _free_spread(kind, u, v, free, ranks)
@@ -86,13 +93,24 @@ def fit(x, y, family: str, ranks: bool = True) -> CopulaFit:
     k, n = len(estimate), u.size
     aic, bic = 2 * k - 2 * loglik, k * float(np.log(n)) - 2 * loglik
     parameters = tuple(float(value) for value in estimate)
-    return CopulaFit(family, parameters, kind.names, se, interval, n, loglik, aic, bic, Copula(family, parameters).tau)
+    return CopulaFit(
+        family=family,
+        parameters=parameters,
+        names=kind.names,
+        se=se,
+        interval=interval,
+        n=n,
+        loglik=loglik,
+        aic=aic,
+        bic=bic,
+        tau=Copula(family, parameters).tau,
+    )
 
 
-def fit_rows(u: np.ndarray, v: np.ndarray, family: str, start=None) -> np.ndarray:
-    """Maximum-likelihood parameters of each row of u, v (R, n) in (0, 1): an (R, k) array.
+def fit_rows(u: np.ndarray, v: np.ndarray, family: str, start: ArrayLike | None = None) -> np.ndarray:
+    """Maximum-likelihood parameters (R, k) of each row of u, v (R, n) in (0, 1).
 
-    `start`, one set of parameters near all the answers, replaces the search over a grid: half the time.
+    `start`, a value of the first parameter near those of all rows, replaces the search over a grid: half the time.
     """
     kind = family_of(family)
     if not kind.names:
@@ -103,13 +121,13 @@ def fit_rows(u: np.ndarray, v: np.ndarray, family: str, start=None) -> np.ndarra
         x, y = elliptical.normal_score(u, 1.0 - u), elliptical.normal_score(v, 1.0 - v)
         squares, product = np.mean(x * x + y * y, axis=1), np.mean(x * y, axis=1)
 
-        def loglik(t, rows):
+        def loglik(t: np.ndarray, rows: np.ndarray) -> np.ndarray:
             rho = np.tanh(t)
             r2 = 1.0 - rho**2
             return -0.5 * np.log(r2) - rho * (rho * squares[rows] - 2.0 * product[rows]) / (2.0 * r2)
     else:
 
-        def loglik(t, rows):
+        def loglik(t: np.ndarray, rows: np.ndarray) -> np.ndarray:
             return evaluate(kind, "logpdf", u[rows], v[rows], *(p[:, None] for p in kind.from_free(t))).mean(axis=1)
 
     (low, high) = kind.bounds[0]
@@ -122,18 +140,20 @@ def fit_rows(u: np.ndarray, v: np.ndarray, family: str, start=None) -> np.ndarra
     return np.stack(kind.from_free(t), axis=1)
 
 
-def _maximise(function, grid: np.ndarray, limits: np.ndarray, count: int) -> np.ndarray:
-    """Maximise a smooth function of one variable for many rows: best of a grid, then bracketed Newton steps.
+def _maximise(
+    function: Callable[[np.ndarray, np.ndarray], np.ndarray], grid: np.ndarray, limits: np.ndarray, count: int
+) -> np.ndarray:
+    """Maximise a smooth function of one variable for many rows: best point of a grid, then bracketed Newton steps.
 
-    function(t, rows) gives the values at t of those rows; rows that have converged are left out.
+    function(t, rows) gives the values of these rows at t; rows that have converged are left out.
     """
-    everyone = np.arange(count)
+    all_rows = np.arange(count)
     best = np.zeros(count, dtype=int)
     if len(grid) > 1:
-        best = np.argmax(np.stack([function(np.full(count, t), everyone) for t in grid]), axis=0)
+        best = np.argmax(np.stack([function(np.full(count, t), all_rows) for t in grid]), axis=0)
     edges = np.concatenate([limits[:1], grid, limits[1:]])
     low, t, high = edges[best], grid[best], edges[best + 2]
-    active, h = everyone, 1e-4
+    active, h = all_rows, 1e-4
     for _ in range(40):
         at = t[active]
         left, centre, right = (function(at + step, active) for step in (-h, 0.0, h))
@@ -150,9 +170,10 @@ def _maximise(function, grid: np.ndarray, limits: np.ndarray, count: int) -> np.
     return np.clip(t, limits[0] + 2 * h, limits[1] - 2 * h)
 
 
-def _student_rows(u, v):
-    """Profile over kappa = 1/nu on a grid, then a parabola through the best three; one row is finished to full
-    precision.
+def _student_rows(u: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Parameters (R, 2) of Student's copula: profile over a grid of kappa = 1/nu, parabola through the best three.
+
+    A single row is then maximised to full precision.
     """
     unique, index = np.unique(np.concatenate([u.ravel(), v.ravel()]), return_inverse=True)
     index = index.reshape(2, *u.shape)
@@ -166,18 +187,20 @@ def _student_rows(u, v):
     if len(u) == 1:
         best = int(np.argmax(profile[:, 0]))
         ends = _KAPPA_GRID[[max(best - 1, 0), min(best + 1, len(_KAPPA_GRID) - 1)]]
-        finish = optimize.minimize_scalar(
+        optimum = optimize.minimize_scalar(
             lambda k: -_student_profile(unique, index, k, t)[0][0],
             bounds=ends,
             method="bounded",
             options={"xatol": 1e-9},
         )
-        kappa = np.array([finish.x]) if -finish.fun >= profile[best, 0] else _KAPPA_GRID[[best]]
+        kappa = np.array([optimum.x]) if -optimum.fun >= profile[best, 0] else _KAPPA_GRID[[best]]
         t = _student_profile(unique, index, kappa[0], t)[1]
     return np.stack([np.tanh(t), 1.0 / kappa], axis=1)
 
 
-def _student_profile(unique, index, kappa: float, t):
+def _student_profile(
+    unique: np.ndarray, index: np.ndarray, kappa: float, t: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """Mean log-likelihood at nu = 1/kappa, maximised over rho = tanh(t) by Newton's method from t (R,): (value, t)."""
     scores = elliptical.student_score(unique, 1.0 - unique, 1.0 / kappa)
     x, y = scores[index[0]], scores[index[1]]
@@ -199,13 +222,13 @@ def _student_profile(unique, index, kappa: float, t):
         if np.max(np.abs(step)) < 1e-9:
             break
     r = np.tanh(t)
-    own = elliptical.student_log_density(x, y, 0.0, 1.0 / kappa) + power * np.log1p(squares)
+    marginals = elliptical.student_logpdf(x, y, 0.0, 1.0 / kappa) + power * np.log1p(squares)
     q = (squares - r[:, None] * product) / (1.0 - r * r)[:, None]
-    return own.mean(axis=1) - 0.5 * np.log(1.0 - r * r) - power * np.log1p(q).mean(axis=1), t
+    return marginals.mean(axis=1) - 0.5 * np.log(1.0 - r * r) - power * np.log1p(q).mean(axis=1), t
 
 
-def _interpolated_maximum(profile, free):
-    """Where each column of the profile over _KAPPA_GRID peaks, and the other coordinate there: (kappa, t)."""
+def _interpolated_maximum(profile: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Maximum of each column of the profile over _KAPPA_GRID, and the other coordinate there: (kappa, t)."""
     best = np.argmax(profile, axis=0)
     middle = np.clip(best, 1, len(_KAPPA_GRID) - 2)
     column = np.arange(profile.shape[1])
@@ -221,20 +244,20 @@ def _interpolated_maximum(profile, free):
         (kappa - x[(i + 1) % 3]) * (kappa - x[(i + 2) % 3]) / ((x[i] - x[(i + 1) % 3]) * (x[i] - x[(i + 2) % 3]))
         for i in range(3)
     ]
-    return kappa, sum(weight * value for weight, value in zip(weights, t, strict=True))
+    return kappa, np.asarray(sum(weight * value for weight, value in zip(weights, t, strict=True)))
 
 
-def _free_spread(kind: Family, u, v, free: np.ndarray, ranks: bool) -> np.ndarray:
+def _free_spread(kind: Family, u: np.ndarray, v: np.ndarray, free: np.ndarray, ranks: bool) -> np.ndarray:
     """Covariance (k, k) of the estimate in free coordinates: the sandwich of Genest, Ghoudi and Rivest (1995)."""
     n, k = u.size, free.size
     h = 1e-4
 
-    def logpdf(shift, du=0.0, dv=0.0):
+    def logpdf(shift: np.ndarray, du: Any = 0.0, dv: Any = 0.0) -> np.ndarray:
         return evaluate(kind, "logpdf", u + du, v + dv, *kind.from_free(*(free + shift)))
 
     unit = h * np.eye(k)
 
-    def score(du=0.0, dv=0.0):
+    def score(du: Any = 0.0, dv: Any = 0.0) -> np.ndarray:
         return np.stack([(logpdf(e, du, dv) - logpdf(-e, du, dv)) / (2.0 * h) for e in unit], axis=1)
 
     bread = np.empty((k, k))
@@ -256,10 +279,13 @@ def _free_spread(kind: Family, u, v, free: np.ndarray, ranks: bool) -> np.ndarra
     return inverse @ meat @ inverse / n
 
 
-def _delta(kind: Family, free: np.ndarray, spread: np.ndarray):
-    """Standard errors in the parameters' own units, and 95 % intervals mapped from the free coordinates."""
-    half = 1.959963984540054 * np.sqrt(np.diag(spread))
-    se, interval = [], []
+def _delta(
+    kind: Family, free: np.ndarray, spread: np.ndarray
+) -> tuple[tuple[float, ...], tuple[tuple[float, float], ...]]:
+    """Standard errors of the parameters by the delta method, and 95 % intervals mapped from the free coordinates."""
+    half = _NORMAL_975 * np.sqrt(np.diag(spread))
+    se: list[float] = []
+    interval: list[tuple[float, float]] = []
     for j, (low, high) in enumerate(kind.bounds):
         limits = np.sort(
             [float(kind.to_free(*(b[i] for i in range(len(free))))[j]) for b in zip(*kind.bounds, strict=False)]
@@ -268,12 +294,12 @@ def _delta(kind: Family, free: np.ndarray, spread: np.ndarray):
         mapped = sorted(float(kind.from_free(*np.where(np.arange(len(free)) == j, e, free))[j]) for e in ends)
         step = 1e-5
         slope = np.diff([float(kind.from_free(*(free + s * step * np.eye(len(free))[j]))[j]) for s in (-1, 1)])[0]
-        se.append(float(abs(slope) / (2.0 * step) * half[j] / 1.959963984540054))
+        se.append(float(abs(slope) / (2.0 * step) * half[j] / _NORMAL_975))
         interval.append((max(mapped[0], low), min(mapped[1], high)))
     return tuple(se), tuple(interval)
 
 
-def _checked(x, y, family: str, ranks: bool):
+def _checked(x: ArrayLike, y: ArrayLike, family: str, ranks: bool) -> tuple[np.ndarray, np.ndarray]:
     x, y = np.asarray(x, dtype=float).ravel(), np.asarray(y, dtype=float).ravel()
     if x.size != y.size or x.size < 5:
         raise CopulaError(f"{family}: {x.size} and {y.size} values; need two columns of the same length, at least 5")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import special
 
-from analysis.copulas.family import Family
+from .family import Family
 
 _SMALLEST_FRANK = 1e-5
 
@@ -21,7 +21,7 @@ def _both_signs(function, negative, turn):
 
 
 def _frank_log_terms(u, uc, v, vc, k):
-    """Logarithms of e^(-k u)(1 - e^(-k v)) and e^(-k v)(1 - e^(-k (1-v))), whose sum is the density's denominator."""
+    """Logarithms of e^(-k u)(1 - e^(-k v)) and e^(-k v)(1 - e^(-k (1-v))), whose sum is the denominator of the PDF."""
     first = -k * u + np.log(-np.expm1(-k * v))
     return first, -k * v + np.log(-np.expm1(-k * vc))
 
@@ -44,7 +44,7 @@ def _frank_inverse(u, uc, p, pc, k):
 
 
 def _frank_cdf(u, uc, v, vc, theta):
-    """For theta < 0 every term is positive; for theta > 0 the upper corner uses the density's denominator."""
+    """For theta < 0 every term is positive; for theta > 0 the upper corner uses the denominator of the PDF."""
     k = np.abs(theta)
     growing = np.log1p(np.expm1(k * u) * np.expm1(k * v) / np.expm1(k)) / k
     inner = np.expm1(-k * u) * np.expm1(-k * v) / -np.expm1(-k)
@@ -62,7 +62,7 @@ def _frank_tau(theta):
 
 
 def _invert_tau(tau_of, low, high):
-    """Bisection for the free coordinate whose tau is given; vectorised."""
+    """The inverse of tau_of by bisection between low and high; vectorised."""
 
     def from_tau(tau):
         tau = np.asarray(tau, dtype=float)
@@ -90,18 +90,18 @@ def _frank_inverse_both(u, uc, p, pc, theta):
 
 
 FRANK = Family(
-    ("theta",),
-    ((-60.0, 60.0),),
-    _both_signs(_frank_logpdf, _frank_negative, _frank_size),
-    lambda u, uc, v, vc, theta: _frank_cdf(
+    names=("theta",),
+    bounds=((-60.0, 60.0),),
+    logpdf=_both_signs(_frank_logpdf, _frank_negative, _frank_size),
+    cdf=lambda u, uc, v, vc, theta: _frank_cdf(
         u, uc, v, vc, np.where(_frank_negative(theta), -1.0, 1.0) * _frank_size(theta)
     ),
-    _both_signs(_frank_conditional, _frank_negative, _frank_size),
-    _frank_inverse_both,
-    _frank_tau,
-    _invert_tau(_frank_tau, -60.0, 60.0),
-    lambda theta: (theta,),
-    lambda t: (t,),
+    conditional=_both_signs(_frank_conditional, _frank_negative, _frank_size),
+    inverse=_frank_inverse_both,
+    tau=_frank_tau,
+    from_tau=_invert_tau(_frank_tau, -60.0, 60.0),
+    to_free=lambda theta: (theta,),
+    from_free=lambda t: (t,),
 )
 
 
@@ -172,22 +172,28 @@ def _plackett_tau(theta):
 
 
 def _plackett_from_tau(tau):
-    """A start for the fit: the tetrachoric relation tau ~ 2/pi asin(rho) with theta = ((1+b)/(1-b))^(pi/2), b = rho."""
+    """Start of the fit: the tetrachoric relation tau ~ 2/pi asin(rho) with theta = ((1+b)/(1-b))^(pi/2), b = rho."""
     b = np.clip(np.sin(0.5 * np.pi * np.asarray(tau, dtype=float)), -0.9999, 0.9999)
     return ((1.0 + b) / (1.0 - b)) ** (0.5 * np.pi)
 
 
+def _plackett_negative(theta):
+    return np.asarray(theta) < 1.0
+
+
+def _plackett_size(theta):
+    return np.where(np.asarray(theta) < 1.0, 1.0 / theta, theta)
+
+
 PLACKETT = Family(
-    ("theta",),
-    ((1e-5, 1e5),),
-    _both_signs(_plackett_logpdf, lambda t: np.asarray(t) < 1.0, lambda t: np.where(np.asarray(t) < 1.0, 1.0 / t, t)),
-    _plackett_cdf,
-    _both_signs(
-        _plackett_conditional, lambda t: np.asarray(t) < 1.0, lambda t: np.where(np.asarray(t) < 1.0, 1.0 / t, t)
-    ),
-    _plackett_inverse,
-    _plackett_tau,
-    _plackett_from_tau,
-    lambda theta: (np.log(theta),),
-    lambda t: (np.exp(t),),
+    names=("theta",),
+    bounds=((1e-5, 1e5),),
+    logpdf=_both_signs(_plackett_logpdf, _plackett_negative, _plackett_size),
+    cdf=_plackett_cdf,
+    conditional=_both_signs(_plackett_conditional, _plackett_negative, _plackett_size),
+    inverse=_plackett_inverse,
+    tau=_plackett_tau,
+    from_tau=_plackett_from_tau,
+    to_free=lambda theta: (np.log(theta),),
+    from_free=lambda t: (np.exp(t),),
 )

@@ -1,13 +1,15 @@
-"""A bivariate copula with its parameters: density, distribution, conditionals, sampling, Kendall's tau."""
+"""A bivariate copula with its parameters: PDF, distribution function, conditionals, sampling, Kendall's tau."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from analysis.copulas import archimedean, elliptical, frank_plackett
-from analysis.copulas.family import CopulaError, Family, rotated
+from . import archimedean, elliptical, frank_plackett
+from .family import CopulaError, Family, rotated
 
 _TURNED = {"clayton": archimedean.CLAYTON, "gumbel": archimedean.GUMBEL, "joe": archimedean.JOE}
 
@@ -24,15 +26,16 @@ FAMILIES: dict[str, Family] = {
 
 @dataclass(frozen=True)
 class Copula:
-    """A family of FAMILIES with its parameters; `clayton90` is Clayton turned by 90 degrees, and so on.
+    """A family of FAMILIES with its parameters; `clayton90` is the Clayton copula turned by 90 degrees, and so on.
 
-    All functions take arrays of probabilities in [0, 1] that broadcast; CopulaError for parameters out of range.
+    All functions take arrays of probabilities in [0, 1] that broadcast.  Raises CopulaError for an unknown family,
+    parameters out of range and probabilities outside [0, 1].
     """
 
     family: str
     parameters: tuple[float, ...] = ()
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         kind = family_of(self.family)
         parameters = tuple(float(value) for value in np.atleast_1d(self.parameters))
         if len(parameters) != len(kind.names):
@@ -44,24 +47,24 @@ class Copula:
                 raise CopulaError(f"{self.family}: {name} = {value:g} is outside [{low:g}, {high:g}]")
         object.__setattr__(self, "parameters", parameters)
 
-    def logpdf(self, u, v) -> np.ndarray:
-        """Log copula density ln c(u, v)."""
+    def logpdf(self, u: ArrayLike, v: ArrayLike) -> np.ndarray:
+        """Log PDF of the copula, ln c(u, v)."""
         return self._evaluate("logpdf", u, v)
 
-    def pdf(self, u, v) -> np.ndarray:
-        """Copula density c(u, v)."""
+    def pdf(self, u: ArrayLike, v: ArrayLike) -> np.ndarray:
+        """PDF of the copula, c(u, v)."""
         return np.exp(self.logpdf(u, v))
 
-    def cdf(self, u, v) -> np.ndarray:
+    def cdf(self, u: ArrayLike, v: ArrayLike) -> np.ndarray:
         """C(u, v) = P(U <= u, V <= v)."""
         return self._evaluate("cdf", u, v)
 
-    def conditional(self, u, v) -> np.ndarray:
+    def conditional(self, u: ArrayLike, v: ArrayLike) -> np.ndarray:
         """P(V <= v | U = u), the derivative of C with respect to u."""
         return self._evaluate("conditional", u, v)
 
-    def inverse(self, u, p) -> np.ndarray:
-        """The v with P(V <= v | U = u) = p."""
+    def inverse(self, u: ArrayLike, p: ArrayLike) -> np.ndarray:
+        """v from P(V <= v | U = u) = p."""
         return self._evaluate("inverse", u, p)[0]
 
     def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
@@ -88,29 +91,30 @@ class Copula:
         """Kendall's tau."""
         return float(family_of(self.family).tau(*self.parameters))
 
-    def to_dict(self) -> dict:
+    def to_dict(self) -> dict[str, Any]:
         """A JSON-ready dictionary."""
         return {"family": self.family, "parameters": list(self.parameters)}
 
     @staticmethod
-    def from_dict(data: dict) -> Copula:
+    def from_dict(data: dict[str, Any]) -> Copula:
         """The inverse of to_dict."""
         return Copula(data["family"], tuple(data["parameters"]))
 
-    def _evaluate(self, name: str, u, v):
+    def _evaluate(self, name: str, u: ArrayLike, v: ArrayLike) -> Any:
         return evaluate(family_of(self.family), name, u, v, *self.parameters)
 
 
 def family_of(name: str) -> Family:
-    """The family of that name; CopulaError if there is none."""
+    """The family of that name; raises CopulaError if there is none."""
     if name not in FAMILIES:
         raise CopulaError(f"unknown copula family {name!r}; known: {', '.join(FAMILIES)}")
     return FAMILIES[name]
 
 
-def evaluate(kind: Family, name: str, u, v, *params):
-    """Call one function of a family on probabilities u, v, with complements added and the edges kept in the open
-    square.
+def evaluate(kind: Family, name: str, u: ArrayLike, v: ArrayLike, *params: Any) -> Any:
+    """Result of the function `name` of a family at probabilities u, v and parameters that broadcast.
+
+    Adds the complements and moves 0 to 1e-300.  Raises CopulaError for probabilities outside [0, 1].
     """
     u, v = np.asarray(u, dtype=float), np.asarray(v, dtype=float)
     if np.any((u < 0.0) | (u > 1.0) | (v < 0.0) | (v > 1.0)):

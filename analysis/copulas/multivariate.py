@@ -1,26 +1,30 @@
-"""The Gaussian copula of d >= 2 variables, for a third property beside friction and stiffness."""
+"""The Gaussian copula of d >= 2 variables, for further properties besides friction and stiffness."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import special, stats
 
-from analysis.copulas.elliptical import normal_score
-from analysis.copulas.family import CopulaError
-from analysis.copulas.fitting import fit, pseudo_observations
+from .elliptical import normal_score
+from .family import CopulaError
+from .fitting import fit, pseudo_observations
 
 _TINY = 1e-300
 
 
 @dataclass(frozen=True)
 class GaussianCopula:
-    """A Gaussian copula with correlation matrix (d, d) of the normal scores; calls as Copula on arrays (..., d)."""
+    """A Gaussian copula with correlation matrix (d, d) of the normal scores; functions as in `Copula`, of u (..., d).
+
+    Raises CopulaError for a matrix that is not symmetric and positive definite with a unit diagonal.
+    """
 
     correlation: tuple[tuple[float, ...], ...]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         matrix = np.asarray(self.correlation, dtype=float)
         if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not np.allclose(matrix, matrix.T, atol=1e-12):
             raise CopulaError("gaussian: the correlation matrix must be square and symmetric")
@@ -38,13 +42,13 @@ class GaussianCopula:
         return np.linalg.cholesky(np.array(self.correlation))
 
     def logpdf(self, u: np.ndarray) -> np.ndarray:
-        """Log copula density at u (..., d)."""
+        """Log PDF of the copula at u (..., d)."""
         scores = _scores(u)
         z = np.linalg.solve(self._factor, scores[..., None])[..., 0]
         return 0.5 * ((scores**2).sum(axis=-1) - (z**2).sum(axis=-1)) - np.log(np.diag(self._factor)).sum()
 
     def cdf(self, u: np.ndarray) -> np.ndarray:
-        """C(u) at u (..., d), by scipy's multivariate normal integral (about 1e-5)."""
+        """C(u) at u (..., d), by scipy's multivariate normal integral (error about 1e-5)."""
         return stats.multivariate_normal(np.zeros(self.dimension), np.array(self.correlation)).cdf(_scores(u))
 
     def rosenblatt(self, u: np.ndarray) -> np.ndarray:
@@ -59,21 +63,21 @@ class GaussianCopula:
         """n independent rows, shape (n, d)."""
         return self.inverse_rosenblatt(rng.random((n, self.dimension)))
 
-    def to_dict(self) -> dict:
+    def to_dict(self) -> dict[str, Any]:
         """A JSON-ready dictionary."""
         return {"family": "gaussian", "correlation": [list(row) for row in self.correlation]}
 
     @staticmethod
-    def from_dict(data: dict) -> GaussianCopula:
+    def from_dict(data: dict[str, Any]) -> GaussianCopula:
         """The inverse of to_dict."""
         return GaussianCopula(tuple(tuple(row) for row in data["correlation"]))
 
 
 def fit_gaussian(x: np.ndarray) -> GaussianCopula:
-    """Fit the Gaussian copula to x (n, d): pairwise maximum pseudo-likelihood, then the nearest positive-definite
-    matrix.
+    """Fit the Gaussian copula to x (n, d) by pairwise maximum pseudo-likelihood.
 
-    Raises CopulaError for a constant column or non-finite values.
+    If the matrix of the pairs is not positive definite, its eigenvalues are raised to 1e-6 and its diagonal is scaled
+    to 1.  Raises CopulaError for a constant column or non-finite values.
     """
     x = np.asarray(x, dtype=float)
     u = pseudo_observations(x.T)
@@ -91,6 +95,6 @@ def fit_gaussian(x: np.ndarray) -> GaussianCopula:
     return GaussianCopula(tuple(map(tuple, 0.5 * (matrix + matrix.T))))
 
 
-def _scores(u):
+def _scores(u: np.ndarray) -> np.ndarray:
     u = np.asarray(u, dtype=float)
     return normal_score(np.maximum(u, _TINY), np.maximum(1.0 - u, _TINY))

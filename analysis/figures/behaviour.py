@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from functools import partial
 
-from analysis.figures import panels, style
+from matplotlib.figure import Figure
+
+from ..results.reader import Results
+from . import panels, style
 
 
 @style.styled
-def behaviour(results, symbol):
+def behaviour(results: Results, symbol: str) -> Figure:
     """PDF contours along strain per density, PDFs at the peak and at the critical state, two surfaces."""
     densities = results.family_densities()
     figure = style.new_figure(7.6, 8.4)
@@ -23,7 +26,7 @@ def behaviour(results, symbol):
     panels.share_range(left, right)
     chosen = [densities[0], densities[-1]][: len(densities)]
     responses = [results.response(symbol, mu_iso) for mu_iso in chosen]
-    top = max(panels.top_density(response) for response in responses)
+    top = max(panels.top_pdf(response) for response in responses)
     for k, (mu_iso, response) in enumerate(zip(chosen, responses, strict=True)):
         axis = rows[2].add_subplot(1, 2, k + 1, projection="3d")
         title = f"({'de'[k]}) {style.density_title(mu_iso, densities)}"

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from analysis import grading
-from analysis.figures import panels, style
-from analysis.joint import Joint
-from analysis.marginals import Marginal
-from analysis.points import select_points
+from ..inputs.joint import Joint
+from ..inputs.marginals import Marginal
+from ..micromechanics import grading
+from ..points.selection import select_points
+from ..results.reader import Results
+from . import panels, style
 
 PAIR = ("mu_s", "G_p")
 #: Places of the flat panels of Figure 3 in a grid of 2 x 6.
@@ -16,8 +18,8 @@ PLACES = (np.s_[0, 3:], np.s_[1, :2], np.s_[1, 2:4], np.s_[1, 4:])
 
 
 @style.styled
-def data_marginals(results):
-    """Figure 2: the pairs, and a histogram with the fitted densities for each of the two properties."""
+def data_marginals(results: Results) -> Figure:
+    """Figure 2: the pairs, and a histogram with the fitted PDFs for each of the two properties."""
     figure = style.new_figure(7.6, 2.9)
     scatter, *others = figure.subplots(1, 3)
     mu_s, G_p = results.pairs.T
@@ -25,14 +27,14 @@ def data_marginals(results):
     scatter.set(xlabel=style.label("mu_s"), ylabel=style.label("G_p"), xlim=(0, None), ylim=(0, None))
     panels.panel_title(scatter, "a", f"{len(mu_s)} {_kind(results)}pairs")
     for axis, symbol, letter, values in zip(others, PAIR, "bc", (mu_s, G_p), strict=True):
-        factor = panels.density_factor(symbol)
+        factor = panels.pdf_factor(symbol)
         edges = np.linspace(0, 1.02 * values.max(), 16)
         axis.hist(values * factor, bins=edges * factor, density=True, color="0.85", edgecolor="white", lw=0.5)
         x = np.linspace(edges[0], edges[-1] * 1.1, 300)[1:]
         fits = [Marginal.from_dict(record) for record in results.inputs["marginals"].get(symbol, [])]
         for k, fit in enumerate(fits[:4]):
             look = {"color": panels.CONTOUR_MAP(1.0 - 0.25 * k), "linestyle": style.LINES[k], "lw": 2 - 0.3 * k}
-            text = fit.family + (f", AIC + {fit.aic - fits[0].aic:.1f}" if k and fit.aic is not None else "")
+            text = fit.family + (f", AIC + {fit.aic - (fits[0].aic or 0.0):.1f}" if k and fit.aic is not None else "")
             axis.plot(x * factor, fit.pdf(x) / factor, label=text, **look)
         axis.set(xlabel=style.label(symbol), ylabel=style.pdf_label(symbol), xlim=(0, x[-1] * factor))
         if fits:
@@ -42,7 +44,7 @@ def data_marginals(results):
 
 
 @style.styled
-def joint_points(results):
+def joint_points(results: Results) -> Figure:
     """Figure 3: joint density as surface and contours, the representative points, and what they carry."""
     joint = Joint.from_dict(results.inputs["joint"])
     points = results.points
@@ -51,19 +53,19 @@ def joint_points(results):
     reach = [(0.4 * min(points[s].min(), pairs.min()), 1.05 * max(points[s].max(), pairs.max(), more.max()))
              for s, pairs, more in zip(PAIR, results.pairs.T, doubled.x.T, strict=True)]  # fmt: skip
     x, y = np.meshgrid(*(np.linspace(*ends, 120) for ends in reach), indexing="ij")
-    factor = panels.density_factor("G_p")
+    factor = panels.pdf_factor("G_p")
     height = joint.pdf(np.column_stack([x.ravel(), y.ravel()])).reshape(x.shape) / factor
     grid = figure.add_gridspec(2, 6)
     solid = figure.add_subplot(grid[0, :3], projection="3d")
-    labels = tuple(style.short_label(symbol) for symbol in PAIR)
+    labels = (style.short_label(PAIR[0]), style.short_label(PAIR[1]))
     panels.draw_surface(solid, x, y * factor, height, labels, "(a) joint density")
     flat, dots, twice, steps = (figure.add_subplot(grid[place]) for place in PLACES)
-    levels = panels.density_levels(height.max())
+    levels = panels.pdf_levels(height.max())
     filled = flat.contourf(x, y * factor, height, levels=levels, cmap=panels.CONTOUR_MAP, extend="max")
     panels.colour_bar(figure, filled, flat, "Joint probability density (1/GPa)")
     flat.plot(results.pairs[:, 0], style.shown("G_p", results.pairs[:, 1]), "o", ms=2.5, mfc="white", mec="k", mew=0.5)
     panels.panel_title(flat, "b", f"with the {_kind(results)}pairs")
-    sets = ((dots, "c", points[list(PAIR)].to_numpy(), points["probability"].to_numpy()),
+    sets = ((dots, "c", points.x, points.probability),
             (twice, "d", doubled.x, doubled.probability))  # fmt: skip
     for axis, letter, place, probability in sets:
         axis.contour(x, y * factor, height, levels=levels[::3], colors="0.7", linewidths=0.7)
@@ -88,9 +90,9 @@ def _distribution_steps(axis, joint, points):
     for k, (symbol, marginal) in enumerate(zip(PAIR, joint.marginals, strict=True)):
         median = float(marginal.ppf(0.5))
         x = np.linspace(float(marginal.ppf(0.001)), float(marginal.ppf(0.999)), 400)
-        order = np.argsort(points[symbol].to_numpy())
-        value = points[symbol].to_numpy()[order]
-        share = np.cumsum(points["probability"].to_numpy()[order])
+        order = np.argsort(points[symbol])
+        value = points[symbol][order]
+        share = np.cumsum(points.probability[order])
         colour = panels.CONTOUR_MAP(1.0 - 0.6 * k)
         name = style.short_label(symbol).split(" (")[0]
         axis.plot(x / median, marginal.cdf(x), color=colour, lw=1.0, label=f"{name}, exact")
@@ -101,7 +103,7 @@ def _distribution_steps(axis, joint, points):
 
 
 @style.styled
-def grading_curve(results):
+def grading_curve(results: Results) -> Figure:
     """Figure 4: share by mass finer than a diameter, with the median size and the grading index."""
     figure = style.new_figure(4.6, 3.2)
     axis = figure.subplots()

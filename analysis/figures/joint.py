@@ -1,27 +1,30 @@
-"""Figures 14 and 15: joint densities of the stress ratio with void ratios and with coordination numbers."""
+"""Figures 14 and 15: joint PDFs of the stress ratio with void ratios and with coordination numbers."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from analysis import mpdem
-from analysis.figures import panels, style
+from ..pdem import joint_pdf
+from ..results.reader import Results
+from . import panels, style
 
 
 @style.styled
-def joint_figure(results, symbols, state="critical"):
+def joint_figure(results: Results, symbols: Sequence[str], state: str = "critical") -> Figure:
     """Joint PDFs of eta with each of two quantities at a state, as contours with the points and as surfaces."""
     densities = results.family_densities()
     figure = style.new_figure(7.4, 7.0)
     for row, symbol in enumerate(symbols):
-        eta, other, weight = pooled(results, state, ("eta", symbol))
-        joint = mpdem.joint_density(eta, other, weight)
+        eta, other, probability = pooled(results, state, ("eta", symbol))
+        joint = joint_pdf.joint_pdf(eta, other, probability)
         flat = figure.add_subplot(2, 2, 2 * row + 1)
-        factor = panels.density_factor(symbol)
+        factor = panels.pdf_factor(symbol)
         filled = flat.contourf(joint.x1, joint.x2 * factor, joint.p.T / factor, cmap=panels.CONTOUR_MAP,
-                               levels=panels.density_levels(joint.p.max() / factor), extend="max")  # fmt: skip
+                               levels=panels.pdf_levels(joint.p.max() / factor), extend="max")  # fmt: skip
         _points(flat, results, state, symbol, legend=row == 0)
         seen = np.flatnonzero((joint.p > 0.01 * joint.p.max()).any(axis=1))
         line = np.linspace(joint.values1.min(), joint.values1.max(), 100)
@@ -46,14 +49,14 @@ def _reach(seen, values):
     return min(seen[0], np.nanmin(values) - margin), max(seen[-1], np.nanmax(values) + margin)
 
 
-def pooled(results, state, symbols, family="coupled"):
-    """Values of each symbol at a state over all densities, one after the other, and their weights (sum 1)."""
+def pooled(results: Results, state: str, symbols: Sequence[str], family: str = "coupled") -> tuple[np.ndarray, ...]:
+    """Values of each symbol at a state over all densities, one after the other, and their probabilities of sum 1."""
     densities = results.family_densities(family)
     values = [np.concatenate([results.state(state, s, mu_iso, family) for mu_iso in densities]) for s in symbols]
-    weight = np.concatenate([results.weights(mu_iso, family) for mu_iso in densities])
-    weight = np.where(np.isfinite(values).all(axis=0) if len(values) == 1 else np.all(np.isfinite(values), axis=0),
-                      weight, 0.0)  # fmt: skip
-    return (*values, weight / weight.sum())
+    probability = np.concatenate([results.probability(mu_iso, family) for mu_iso in densities])
+    probability = np.where(np.isfinite(values).all(axis=0) if len(values) == 1 else np.all(np.isfinite(values), axis=0),
+                      probability, 0.0)  # fmt: skip
+    return (*values, probability / probability.sum())
 
 
 def _points(axis, results, state, symbol, legend):
@@ -61,7 +64,7 @@ def _points(axis, results, state, symbol, legend):
     markers = style.density_markers(densities)
     for mu_iso, look in style.density_style(densities).items():
         axis.scatter(results.state(state, "eta", mu_iso), style.shown(symbol, results.state(state, symbol, mu_iso)),
-                     s=8 + 150 * results.weights(mu_iso), marker=markers[mu_iso], facecolor="white",
+                     s=8 + 150 * results.probability(mu_iso), marker=markers[mu_iso], facecolor="white",
                      edgecolor=look["color"], linewidth=0.8, label=look["label"], zorder=3)  # fmt: skip
     if legend:
         axis.legend(loc="best", fontsize=6.5)

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib import colormaps
+from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
+from matplotlib.contour import QuadContourSet
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import ScaledTranslation
 
-from analysis import pdem
-from analysis.figures import style
-from analysis.input_bands import with_input_band
+from ..pdem import evolution
+from ..pdem.bands import with_input_band
+from ..pdem.pdf import PDF
+from ..results.reader import Response, Results
+from . import style
 
 
 def _from_white(name, share=0.3):
@@ -24,50 +31,57 @@ def _from_white(name, share=0.3):
 CONTOUR_MAP = _from_white(style.COLOURS)
 
 
-def top_density(response, start=0.02):
-    """The density that the colour scale ends at: what nine strains in ten stay below, the narrow start left out."""
-    rows = response.density.p[response.strain >= min(start, response.strain[-1])]
+def top_pdf(response: Response, start: float = 0.02) -> float:
+    """PDF value at the end of the colour scale: nine strains in ten stay below it, the narrow start left out."""
+    rows = response.pdf.p[response.strain >= min(start, response.strain[-1])]
     return float(np.quantile(rows.max(axis=1), 0.9))
 
 
-def visible_range(responses, symbol, start=0):
-    """Lowest and highest value, in shown units, that some response gives a visible density from row `start` on."""
+def visible_range(responses: Sequence[Response], symbol: str, start: int = 0) -> tuple[float, float]:
+    """Lowest and highest value, in shown units, at which some response has a visible PDF from row `start` on."""
     low, high = [], []
     for response in responses:
-        seen = np.flatnonzero((response.density.p[start:] > 0.02 * top_density(response)).any(axis=0))
-        low.append(response.density.x[seen[0]])
-        high.append(response.density.x[seen[-1]])
+        seen = np.flatnonzero((response.pdf.p[start:] > 0.02 * top_pdf(response)).any(axis=0))
+        low.append(response.pdf.x[seen[0]])
+        high.append(response.pdf.x[seen[-1]])
     return tuple(style.shown(symbol, [min(low), max(high)]))
 
 
-def contours(axis, response, top=None):
+def contours(axis: Axes, response: Response, top: float | None = None) -> QuadContourSet:
     """Filled PDF contours of one response over axial strain; returns the mappable for a colour bar."""
     symbol, factor = response.quantity.symbol, response.quantity.shown_factor
-    top = top_density(response) if top is None else top
+    top = top_pdf(response) if top is None else top
     filled = axis.contourf(
-        style.shown("eps_a", response.strain), style.shown(symbol, response.density.x), response.density.p.T / factor,
-        levels=density_levels(top / factor), cmap=CONTOUR_MAP, extend="max",
+        style.shown("eps_a", response.strain), style.shown(symbol, response.pdf.x), response.pdf.p.T / factor,
+        levels=pdf_levels(top / factor), cmap=CONTOUR_MAP, extend="max",
     )  # fmt: skip
     axis.set_xlabel(style.label("eps_a"))
     return filled
 
 
-def density_levels(top):
+def contours_with_mean(axis: Axes, response: Response, top: float | None = None) -> QuadContourSet:
+    """Filled PDF contours with the mean as a line; returns the mappable for a colour bar."""
+    filled = contours(axis, response, top)
+    symbol = response.quantity.symbol
+    axis.plot(style.shown("eps_a", response.strain), style.shown(symbol, response.mean), color="k", lw=1.0)
+    return filled
+
+
+def pdf_levels(top: float) -> np.ndarray:
     """Contour levels at round numbers up to about `top`; the lowest stands just above zero so that nothing is blank."""
     levels = MaxNLocator(16, steps=[1, 2, 2.5, 5, 10]).tick_values(0, top)
     return np.concatenate([[0.02 * top], levels[(levels > 0.03 * top) & (levels <= 1.001 * top)]])
 
 
-def contour_row(figure, results, symbol, family, title):
+def contour_row(figure: SubFigure, results: Results, symbol: str, family: str, title: str) -> None:
     """One contour panel per density on common axes, with one colour bar; lines are means."""
     densities = results.family_densities(family)
     axes = figure.subplots(1, len(densities), squeeze=False)[0]
     responses = [results.response(symbol, mu_iso, family) for mu_iso in densities]
-    top = max(top_density(response) for response in responses)
+    top = max(top_pdf(response) for response in responses)
     filled = None
     for axis, response, mu_iso in zip(axes, responses, densities, strict=True):
-        filled = contours(axis, response, top)
-        axis.plot(style.shown("eps_a", response.strain), style.shown(symbol, response.mean), color="k", lw=1.0)
+        filled = contours_with_mean(axis, response, top)
         axis.set_ylim(*visible_range(responses, symbol))
         axis.set_title(style.density_title(mu_iso, densities), fontsize=8.5)
     for axis in axes[1:]:
@@ -77,7 +91,7 @@ def contour_row(figure, results, symbol, family, title):
     colour_bar(figure, filled, list(axes), style.pdf_label(symbol))
 
 
-def colour_bar(figure, filled, axes, text):
+def colour_bar(figure: Figure | SubFigure, filled: QuadContourSet, axes: Axes | list[Axes], text: str) -> None:
     """Colour bar with a few round ticks within its range."""
     levels = filled.levels
     ticks = MaxNLocator(5, steps=[1, 2, 2.5, 5, 10]).tick_values(0, levels[-1])
@@ -86,28 +100,30 @@ def colour_bar(figure, filled, axes, text):
     bar.ax.tick_params(labelsize=7)
 
 
-def state_density(results, state, symbol, mu_iso, family="coupled"):
-    """Density of a quantity at a state over the points, or None if fewer than two points have a value."""
+def state_pdf(results: Results, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> PDF | None:
+    """PDF of a quantity at a state over the points, or None if fewer than two points have a value."""
     values = results.state(state, symbol, mu_iso, family)
-    weight = np.where(np.isfinite(values), results.weights(mu_iso, family), 0.0)
-    if np.count_nonzero(weight) < 2:
+    probability = np.where(np.isfinite(values), results.probability(mu_iso, family), 0.0)
+    if np.count_nonzero(probability) < 2:
         return None
-    density = pdem.state_density(values, weight / weight.sum())
-    drawn = results.bootstrap_weights(mu_iso, family)
-    return density if drawn is None else with_input_band(density, values[None], drawn)
+    pdf = evolution.state_pdf(values, probability / probability.sum())
+    drawn = results.bootstrap_probability(mu_iso, family)
+    return pdf if drawn is None else with_input_band(pdf, values[None], drawn)
 
 
-def state_pdfs(axis, results, state, symbol, family="coupled", legend=False):
-    """PDFs of a quantity at a state, one line a density, with the band from the pairs; the points as ticks below."""
+def state_pdfs(
+    axis: Axes, results: Results, state: str, symbol: str, family: str = "coupled", legend: bool = False
+) -> None:
+    """PDFs of a quantity at a state, one line per density, with the band from the pairs; the points as ticks below."""
     densities = results.family_densities(family)
     for row, (mu_iso, look) in enumerate(style.density_style(densities).items()):
-        density = state_density(results, state, symbol, mu_iso, family)
-        if density is None:
+        pdf = state_pdf(results, state, symbol, mu_iso, family)
+        if pdf is None:
             continue
-        factor = density_factor(symbol)
-        axis.plot(density.x * factor, density.p[0] / factor, **look)
-        if density.low is not None:
-            axis.fill_between(density.x * factor, density.low[0] / factor, density.high[0] / factor,
+        factor = pdf_factor(symbol)
+        axis.plot(pdf.x * factor, pdf.p[0] / factor, **look)
+        if pdf.low is not None and pdf.high is not None:
+            axis.fill_between(pdf.x * factor, pdf.low[0] / factor, pdf.high[0] / factor,
                               color=look["color"], alpha=0.2, lw=0)  # fmt: skip
         values = style.shown(symbol, results.state(state, symbol, mu_iso, family))
         below = ScaledTranslation(0, -(3.5 + 4 * row) / 72, axis.figure.dpi_scale_trans)
@@ -122,12 +138,12 @@ def state_pdfs(axis, results, state, symbol, family="coupled", legend=False):
         axis.legend(loc="upper right", ncols=1)
 
 
-def density_factor(symbol):
-    """Shown units per SI unit of a quantity."""
+def pdf_factor(symbol: str) -> float:
+    """Displayed units per SI unit of a quantity."""
     return float(style.shown(symbol, 1.0))
 
 
-def mean_band(axis, results, symbol, family="coupled", legend=True):
+def mean_band(axis: Axes, results: Results, symbol: str, family: str = "coupled", legend: bool = True) -> None:
     """Mean of every density along strain with a band of two standard deviations to either side."""
     densities = results.family_densities(family)
     for mu_iso, look in style.density_style(densities).items():
@@ -143,26 +159,28 @@ def mean_band(axis, results, symbol, family="coupled", legend=True):
         axis.legend(loc="best", title=r"mean $\pm$ 2 standard deviations")
 
 
-def surface(axis, response, top=None, title=""):
-    """PDF surface over strain and value; what rises above the top is cut off level.
+def surface(axis: Axes, response: Response, top: float | None = None, title: str = "") -> None:
+    """PDF surface over strain and value; values above the top are cut off.
 
     It starts where the PDFs of neighbouring strains begin to overlap: before that the surface would be single spikes.
     """
     symbol, factor = response.quantity.symbol, response.quantity.shown_factor
-    top = top_density(response) if top is None else top
-    apart = np.abs(np.diff(response.mean)) > 0.6 * np.hypot(response.std, response.density.shown_width)[1:]
+    top = top_pdf(response) if top is None else top
+    apart = np.abs(np.diff(response.mean)) > 0.6 * np.hypot(response.std, response.pdf.shown_width)[1:]
     start = np.flatnonzero(apart)[-1] + 1 if apart.any() and not apart[-1] else 0
     low, high = visible_range([response], symbol, start)
-    x = style.shown(symbol, response.density.x)
+    x = style.shown(symbol, response.pdf.x)
     columns = np.flatnonzero((x >= low) & (x <= high))
     columns = columns[:: max(1, len(columns) // 110)]
     rows = np.unique(np.linspace(start, len(response.strain) - 1, 80).astype(int))
-    height = np.minimum(response.density.p[np.ix_(rows, columns)], 1.05 * top) / factor
+    height = np.minimum(response.pdf.p[np.ix_(rows, columns)], 1.05 * top) / factor
     strain, value = np.meshgrid(style.shown("eps_a", response.strain[rows]), x[columns], indexing="ij")
     draw_surface(axis, strain, value, height, (style.short_label("eps_a"), style.short_label(symbol)), title)
 
 
-def draw_surface(axis, x, y, height, labels, title=""):
+def draw_surface(
+    axis: Axes, x: np.ndarray, y: np.ndarray, height: np.ndarray, labels: tuple[str, str], title: str = ""
+) -> None:
     """A 3D surface coloured by height, dark at the top, seen from the side of the far strains."""
     axis.plot_surface(x, y, height, cmap=CONTOUR_MAP, rcount=90, ccount=110, linewidth=0, antialiased=False)
     axis.view_init(elev=34, azim=-58)
@@ -176,12 +194,12 @@ def draw_surface(axis, x, y, height, labels, title=""):
     axis.set_box_aspect((1.25, 1, 0.7), zoom=0.88)
 
 
-def panel_title(axis, letter, title=""):
+def panel_title(axis: Axes, letter: str, title: str = "") -> None:
     """Letter and title of a panel at its upper left."""
     axis.set_title(f"({letter}) {title}".rstrip())
 
 
-def share_range(*axes):
+def share_range(*axes: Axes) -> None:
     """Give axes the widest of their ranges in x, so that places and widths can be compared."""
     x = [axis.get_xlim() for axis in axes]
     for axis in axes:

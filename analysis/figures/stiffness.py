@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from analysis.figures import panels, style
+from matplotlib.figure import Figure
+
+from ..results.reader import Results
+from . import panels, style
 
 
 @style.styled
-def stiffness_dilatancy(results):
+def stiffness_dilatancy(results: Results) -> Figure:
     """PDFs of G_0 and of D^p per density, and every point against G_p and mu_s."""
     densities = results.family_densities()
     points, markers = results.family_points(), style.density_markers(densities)

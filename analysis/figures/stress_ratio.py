@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from matplotlib.figure import Figure
 
-from analysis.figures import panels, style
+from ..results.reader import Results
+from . import panels, style
 
 
 @style.styled
-def stress_ratio(results):
+def stress_ratio(results: Results) -> Figure:
     """Figure 5: PDF contours of eta (below with G_p alone, if it was run), means, PDFs at peak and critical."""
     alone = "G_p" in results.families
     figure = style.new_figure(7.6, 8.6 if alone else 6.4)
@@ -18,7 +20,7 @@ def stress_ratio(results):
     panels.contour_row(rows[0], results, "eta", "coupled",
                        r"(a) $\mu_s$ and $G_p$ vary together; line: mean")  # fmt: skip
     if alone:
-        fixed = results.family_points("G_p")["mu_s"].iloc[0]
+        fixed = results.family_points("G_p").mu_s[0]
         panels.contour_row(rows[1], results, "eta", "G_p",
                            rf"(b) $G_p$ varies alone, $\mu_s$ = {fixed:g}")  # fmt: skip
     left, middle, right = rows[-1].subplots(1, 3, width_ratios=[1.35, 1, 1])
@@ -34,7 +36,7 @@ def stress_ratio(results):
 
 
 @style.styled
-def surfaces(results):
+def surfaces(results: Results) -> Figure:
     """Figure 6: a PDF surface of eta for every density, the densest also in plan; two panels a row."""
     densities = results.family_densities()
     rows = math.ceil((1 + len(densities)) / 2)
@@ -53,7 +55,7 @@ def surfaces(results):
 
 
 @style.styled
-def peak_and_critical(results):
+def peak_and_critical(results: Results) -> Figure:
     """Figure 7: every point's peak and critical state in stress ratio and void ratio against axial strain."""
     densities = results.family_densities()
     figure = style.new_figure(7.4, 3.9)

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import functools
 import io
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any, ParamSpec, TypeVar
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 
-from analysis.quantities import QUANTITIES
+from ..quantities import QUANTITIES
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 COLOURS = "cividis"
 LIMIT_BYTES = 300_000
@@ -24,12 +31,12 @@ RC = {
 }  # fmt: skip
 
 
-def new_figure(width=7.2, height=4.8) -> Figure:
+def new_figure(width: float = 7.2, height: float = 4.8) -> Figure:
     """An empty figure of that size in inches, laid out by constraint; no global state is touched."""
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def save(figure: Figure, path, source="", dpi=150) -> Path:
+def save(figure: Figure, path: str | Path, source: str = "", dpi: int = 150) -> Path:
     """Write a PNG below 300 kB that names its source: resolution gives way, not below 80 dots per inch; the path."""
     path = Path(path)
     while True:
@@ -43,18 +50,18 @@ def save(figure: Figure, path, source="", dpi=150) -> Path:
     return path
 
 
-def styled(draw):
+def styled(draw: Callable[P, T]) -> Callable[P, T]:
     """Decorator of a drawing function: it runs under the project's settings and leaves the global ones alone."""
 
-    def wrapped(*args, **kwargs):
+    @functools.wraps(draw)
+    def wrapped(*args: P.args, **kwargs: P.kwargs) -> T:
         with mpl.rc_context(RC):
             return draw(*args, **kwargs)
 
-    wrapped.__doc__, wrapped.__name__ = draw.__doc__, draw.__name__
     return wrapped
 
 
-def density_style(densities) -> dict:
+def density_style(densities: Sequence[float]) -> dict[float, dict[str, Any]]:
     """Colour, line style and label of each consolidation friction, dark and solid for the densest."""
     shades = colormaps[COLOURS](np.linspace(0.0, 0.82, max(len(densities), 2)))
     names = _names(len(densities))
@@ -68,35 +75,35 @@ def density_style(densities) -> dict:
     }
 
 
-def density_markers(densities) -> dict:
+def density_markers(densities: Sequence[float]) -> dict[float, str]:
     """Marker of each consolidation friction, from the start again when they run out."""
     return {mu_iso: MARKERS[k % len(MARKERS)] for k, mu_iso in enumerate(densities)}
 
 
-def density_title(mu_iso, densities) -> str:
+def density_title(mu_iso: float, densities: Sequence[float]) -> str:
     """Title of a panel that shows one density."""
     return density_style(densities)[mu_iso]["label"]
 
 
-def shown(symbol, values):
+def shown(symbol: str, values: ArrayLike) -> np.ndarray:
     """Values in the unit in which a person reads the quantity."""
     return np.asarray(values) * QUANTITIES[symbol].shown_factor
 
 
-def label(symbol) -> str:
-    """Axis label with the shown unit."""
+def label(symbol: str) -> str:
+    """Axis label with the displayed unit."""
     return QUANTITIES[symbol].label
 
 
-def short_label(symbol) -> str:
-    """The symbol alone with its shown unit, where a full name does not fit."""
+def short_label(symbol: str) -> str:
+    """The symbol alone with its displayed unit, where a full name does not fit."""
     quantity = QUANTITIES[symbol]
     unit = quantity.shown_unit or quantity.unit
     sign = f"${quantity.tex}$" if quantity.tex else quantity.name
     return sign if unit in ("", "1") else f"{sign} ({unit})"
 
 
-def pdf_label(symbol) -> str:
+def pdf_label(symbol: str) -> str:
     """Label of an axis of probability density over a quantity."""
     unit = QUANTITIES[symbol].shown_unit or QUANTITIES[symbol].unit
     return "Probability density" + ("" if unit in ("", "1") else f" (1/{unit})")

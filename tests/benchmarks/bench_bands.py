@@ -17,11 +17,13 @@ import numpy as np
 import pandas as pd
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
 
 import analytic_cases as cases  # noqa: E402
+from pdf_checks import with_surface_band  # noqa: E402
 
-from analysis import bands, pdem, surrogate  # noqa: E402
+from analysis.pdem import bands, evolution  # noqa: E402
+from analysis.surrogates import surrogate  # noqa: E402
 
 OUT = ROOT / "data" / "benchmarks" / "bands.csv"
 CAMPAIGNS, PAIRS, POINTS, BOOTSTRAPS, NOISE = 200, 94, 40, 200, 0.015
@@ -54,18 +56,18 @@ def campaign(seed: int) -> dict:
     runs = cases.dem_like_states(inputs)
     surface = surrogate.fit(inputs, np.stack([runs[n] for n in NAMES]) + NOISE * rng.normal(size=(2, POINTS)))
     own = sample(parameters, NORMALS)
-    found = bands.moment_bands(surface, own, bootstrap, rng)
+    found = bands.surface_moment_bands(surface, own, bootstrap, rng)
     row = {"campaign": seed}
     for k, name in enumerate(NAMES):
         mean, std = TRUTH[k].mean(), TRUTH[k].std()
         row[f"mean_{name}"] = int(found.mean_low[k] <= mean <= found.mean_high[k])
         row[f"std_{name}"] = int(found.std_low[k] <= std <= found.std_high[k])
         row[f"noise_part_{name}"] = found.noise_part[k]
-    density = pdem.evolve(surface.predict(own), np.full(len(own), 1 / len(own)), [0.0, 1.0])
-    shown = bands.with_bands(density, surface, bootstrap, rng)
-    width = density.bandwidth / density.dx[0]
-    path = np.clip((TRUTH[:, :4096] - density.edges[0, 0]) / density.dx[0], 0, 399.9)
-    true = pdem.translate(path, np.full(path.shape, 1 / path.shape[1]), width, 400) / density.dx[0]
+    pdf = evolution.evolve(surface.predict(own), np.full(len(own), 1 / len(own)), [0.0, 1.0])
+    shown = with_surface_band(pdf, surface, bootstrap, rng)
+    width = pdf.bandwidth / pdf.dx[0]
+    path = np.clip((TRUTH[:, :4096] - pdf.edges[0, 0]) / pdf.dx[0], 0, 399.9)
+    true = evolution.translate(path, np.full(path.shape, 1 / path.shape[1]), width, 400) / pdf.dx[0]
     inside = (shown.low <= true) & (true <= shown.high)
     for k, name in enumerate(NAMES):
         body = true[k] > 0.05 * true[k].max()

@@ -25,8 +25,9 @@ from bench_rows import finished
 from chain_rows import MEASURED, NAMES, RESPONSES, Chain, cpu_seconds, fill
 from dem_runs import BUILD, D50, ROOT, SIGMA_LN, row_digest
 
-from analysis import inputs, joint
 from analysis.assembly import diameters, make_assembly, write_assembly
+from analysis.inputs.joint import fit_joint
+from analysis.inputs.pairs import read_pairs
 from analysis.quantities import QUANTITIES
 from campaign.config import read_config
 
@@ -140,8 +141,8 @@ def _grains(draw: int) -> Path:
     path = BUILD / f"beyond_grains_{N}_{draw}.h5"
     if not path.exists():
         config = read_config(ROOT / "campaign" / "laptop.toml")
-        pairs = inputs.read_pairs(config.pairs_path)
-        fitted = joint.fit_joint(pairs, copula_families=config.inputs.copulas, n_boot=19, seed=config.inputs.seed).joint
+        pairs = read_pairs(config.pairs_path)
+        fitted = fit_joint(pairs, copula_families=config.inputs.copulas, n_boot=19, seed=config.inputs.seed).joint
         path.parent.mkdir(parents=True, exist_ok=True)
         part = path.with_suffix(".part")
         with h5py.File(part, "w") as file:

@@ -7,7 +7,7 @@ scale     planning, status and analyse's bookkeeping for 100, 1,000 and 10,000 r
 overhead  a campaign of 20 short runs in YADE: wall time over (the sum of the runs' own times / runs at once)
 kill      a campaign in YADE (--config, by default the demo) killed 20 times at random moments, against the same one
           undisturbed (--whole FOLDER: run there, or taken from there as far as it is finished)
-faults    the fault table that tests/test_faults.py leaves in build/
+faults    the fault table that tests/campaign/test_faults.py leaves in build/
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
 
 import h5py  # noqa: E402
 import synthetic_runs  # noqa: E402
@@ -68,7 +68,7 @@ def scale(place: Path, asked) -> None:
 
 def _bookkeeping(config, folder, rows) -> None:
     evaluate.plan_frame(folder, rows)
-    evaluate._digest(config, folder, rows)
+    evaluate.results_digest(config, folder, rows)
     campaign_status(config, folder, rows)
 
 
@@ -138,7 +138,7 @@ def _seconds(product: Path, which: str) -> float:
 
 def faults(place: Path, asked) -> None:
     """Run the fault tests and keep the table that they write."""
-    subprocess.run([sys.executable, "-m", "pytest", "-q", "tests/test_faults.py"], cwd=ROOT, check=True)
+    subprocess.run([sys.executable, "-m", "pytest", "-q", "tests/campaign/test_faults.py"], cwd=ROOT, check=True)
     with open(ROOT / "build" / "faults.csv", newline="") as file:
         lines = list(csv.DictReader(file))
     for line in lines:  # folders and processes of that day say nothing

@@ -24,8 +24,9 @@ from bench_rows import append
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from analysis import copulas, goodness  # noqa: E402
-from analysis.inputs import read_pairs  # noqa: E402
+from analysis import copulas  # noqa: E402
+from analysis.copulas import goodness  # noqa: E402
+from analysis.inputs.pairs import read_pairs  # noqa: E402
 
 TABLE = ROOT / "data" / "benchmarks" / "copulas_cost.csv"
 REPLICATES, SCALED = 1000, 30

@@ -19,7 +19,8 @@ from scipy import stats
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from analysis import copulas, goodness  # noqa: E402
+from analysis import copulas  # noqa: E402
+from analysis.copulas import goodness  # noqa: E402
 
 TABLE = ROOT / "data" / "benchmarks" / "copulas_goodness.csv"
 COLUMNS = (

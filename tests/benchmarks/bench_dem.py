@@ -28,9 +28,9 @@ from dem_cost import costs
 from dem_errors import summarise
 from dem_runs import ROOT, RunCrashed, RunFailed, chain, row_digest
 
-from analysis.run_states import run_states
-from analysis.runfile import RunFileError
-from analysis.stiffness import StiffnessError
+from analysis.micromechanics.stiffness import StiffnessError
+from analysis.runs.run_file import RunFileError
+from analysis.runs.states import run_states
 from campaign.plan import effective_rate
 
 ROWS = ROOT / "data" / "benchmarks" / "dem_runs.csv"

@@ -21,15 +21,17 @@ import pandas as pd
 from scipy.spatial import cKDTree
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
 
-import packings  # noqa: E402
+import snapshots  # noqa: E402
 
-from analysis import grading, triaxial  # noqa: E402
-from analysis import micromechanics as mm  # noqa: E402
 from analysis.assembly import make_assembly  # noqa: E402
-from analysis.runfile import Snapshot, check_snapshot, read_snapshot  # noqa: E402
-from analysis.stress_force_fabric import stress_force_fabric  # noqa: E402
+from analysis.micromechanics import grading  # noqa: E402
+from analysis.micromechanics import metrics as mm  # noqa: E402
+from analysis.micromechanics.snapshot import Snapshot, check_snapshot  # noqa: E402
+from analysis.micromechanics.stress_force_fabric import stress_force_fabric  # noqa: E402
+from analysis.runs import triaxial  # noqa: E402
+from analysis.runs.run_file import read_snapshot  # noqa: E402
 from tests.benchmarks import dem_runs  # noqa: E402
 
 COST = ROOT / "data" / "benchmarks" / "micromechanics_cost.csv"
@@ -48,7 +50,7 @@ def cost() -> None:
         for name, options in (("gzip", {"compression": "gzip", "shuffle": True}), ("plain", {})):
             path = Path(folder) / f"{name}.h5"
             with h5py.File(path, "w") as file:
-                for array in packings.SNAPSHOT_ARRAYS:
+                for array in snapshots.SNAPSHOT_ARRAYS:
                     file.create_dataset(array, data=getattr(s, array), **options)
             rows.append((f"reading, {name}", cpu(lambda p=path: read_bare(p))))
     rows += [(name, cpu(task)) for name, task in tasks(s).items()]
@@ -101,7 +103,7 @@ def large_snapshot(N: int, Z: float = 5.2) -> Snapshot:
     ids, branch = pairs[apart < factor], branch[apart < factor]
     f_t = np.random.default_rng(1).normal(size=branch.shape)
     f_t -= np.einsum("ij,ij->i", f_t, branch)[:, None] * branch / np.einsum("ij,ij->i", branch, branch)[:, None]
-    return packings.hertzian(a.position, factor * a.radius, np.diag(a.cell), ids, branch, f_t=1e-6 * f_t)
+    return snapshots.hertzian(a.position, factor * a.radius, np.diag(a.cell), ids, branch, f_t=1e-6 * f_t)
 
 
 def yade() -> None:

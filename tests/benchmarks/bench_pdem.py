@@ -19,11 +19,11 @@ import numpy as np
 import pandas as pd
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
 
 import analytic_cases as cases  # noqa: E402
 
-from analysis import mpdem, pdem, tvd  # noqa: E402
+from analysis.pdem import evolution, joint_pdf, tvd  # noqa: E402
 
 OUT = ROOT / "data" / "benchmarks"
 TIMES = np.linspace(0, 10, 501)
@@ -39,28 +39,28 @@ def oscillator() -> pd.DataFrame:
         for cells in (100, 200, 400, 800, 1600):
             for name, options in METHODS.items():
                 begin = time.process_time()
-                density = pdem.evolve(h, probability, TIMES, cells=cells, **options)
+                pdf = evolution.evolve(h, probability, TIMES, cells=cells, **options)
                 rows.append({"method": name, "points": points, "cells": cells, "cpu_s": time.process_time() - begin})
-                rows[-1].update(_errors(density))
+                rows[-1].update(_errors(pdf))
     return pd.DataFrame(rows)
 
 
-def _errors(density) -> dict:
+def _errors(pdf) -> dict:
     l1, mean, std = [], [], []
     for k in SHOWN:
-        exact = np.diff(cases.oscillator_cdf(density.edges[k], TIMES[k]))
-        inner = np.abs(density.x) < 0.09
-        l1.append(np.abs(density.p[k] * density.dx[k] - exact)[inner].sum())
+        exact = np.diff(cases.oscillator_cdf(pdf.edges[k], TIMES[k]))
+        inner = np.abs(pdf.x) < 0.09
+        l1.append(np.abs(pdf.p[k] * pdf.dx[k] - exact)[inner].sum())
         m, s = cases.oscillator_moments(TIMES[k])
-        mean.append(abs(density.mean[k] - m) / 0.1)
-        std.append(abs(density.std[k] / s - 1))
+        mean.append(abs(pdf.mean[k] - m) / 0.1)
+        std.append(abs(pdf.std[k] / s - 1))
     return {
         "l1_median": np.median(l1),
         "l1_worst": max(l1),
         "mean_error_over_amplitude": max(mean),
         "std_error": max(std),
-        "kernel_over_dx": np.median(density.bandwidth / density.dx),
-        "diffusion_over_dx": density.numerical_width[-1] / density.dx[-1],
+        "kernel_over_dx": np.median(pdf.bandwidth / pdf.dx),
+        "diffusion_over_dx": pdf.numerical_width[-1] / pdf.dx[-1],
     }
 
 
@@ -89,7 +89,7 @@ def joint() -> pd.DataFrame:
         for points in (50, 100, 200, 400):
             z = cases.golden_normals(points)
             one, two = z[:, 0], rho * z[:, 0] + np.sqrt(1 - rho**2) * z[:, 1]
-            found = mpdem.joint_density(one, two, np.full(points, 1 / points))
+            found = joint_pdf.joint_pdf(one, two, np.full(points, 1 / points))
             rows.append({"rho": rho, "points": points, "correlation_error": abs(found.correlation - rho)})
             cell = found.first.dx[0] * found.second.dx[0]
             rows[-1]["l1"] = np.abs(found.p - cases.bivariate_normal(found.x1, found.x2, rho)).sum() * cell

@@ -18,11 +18,11 @@ import numpy as np
 import pandas as pd
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
 
 import analytic_cases as cases  # noqa: E402
 
-from analysis import pdem  # noqa: E402
+from analysis.pdem import evolution  # noqa: E402
 
 OUT = ROOT / "data" / "benchmarks" / "pdem_cost.csv"
 POINTS, STRAINS, CELLS = 100, 200, 400
@@ -41,10 +41,10 @@ def timed(function, times: int = 3) -> float:
 def peak_memory(function) -> float:
     """Largest memory held during a call over the size of the density it returns."""
     tracemalloc.start()
-    density = function()
+    pdf = function()
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    return peak / density.p.nbytes
+    return peak / pdf.p.nbytes
 
 
 def measure(noise: float) -> dict:
@@ -56,21 +56,21 @@ def measure(noise: float) -> dict:
     probability = np.full(POINTS, 1.0 / POINTS)
 
     def surface(**options):
-        return lambda: pdem.evolve(h, probability, strain, cells=CELLS, **options)
+        return lambda: evolution.evolve(h, probability, strain, cells=CELLS, **options)
 
     calls = {"tvd": surface(method="tvd"), "tvd_rule": surface(method="tvd", rule="silverman"), "exact": surface()}
     row = {"noise": noise}
     for name, call in calls.items():
         row[f"{name}_ms"] = 1e3 * timed(call)
     for name in ("tvd", "tvd_rule"):
-        density = calls[name]()
-        dx = density.dx[0]
-        path, weight = (h - density.edges[0, 0]) / dx, np.broadcast_to(probability, h.shape)
+        pdf = calls[name]()
+        dx = pdf.dx[0]
+        path, every = (h - pdf.edges[0, 0]) / dx, np.broadcast_to(probability, h.shape)
         begin = time.process_time()
-        plain, steps = cases.plain_tvd_loop(path, weight, density.bandwidth[0] / dx, CELLS)
+        plain, steps = cases.plain_tvd_loop(path, every, pdf.bandwidth[0] / dx, CELLS)
         row[f"loop_{name}_ms"] = 1e3 * (time.process_time() - begin)
         row[f"{name}_steps"] = steps
-        row[f"{name}_over_loop_difference"] = np.abs(plain - density.p * dx).sum(axis=1).max()
+        row[f"{name}_over_loop_difference"] = np.abs(plain - pdf.p * dx).sum(axis=1).max()
         row[f"{name}_faster_than_loop"] = row[f"loop_{name}_ms"] / row[f"{name}_ms"]
         row[f"exact_faster_than_{name}"] = row[f"{name}_ms"] / row["exact_ms"]
     for name, call in calls.items():

@@ -2,10 +2,11 @@
 
     /usr/bin/python3 tests/benchmarks/bench_pdem_noise.py
 
-100 equal-weight points; smooth responses through trial results plus packing noise of known size (0.006 goes with
-23,000 spheres, 0.015 with 2,000, 0.03 with 1,000).  Errors of mean, standard deviation, 5 % and 95 % quantile over the
-true standard deviation, mean over 20 repetitions, at the peak and the critical state and along strain.  Writes
-data/benchmarks/pdem_noise.csv; `variance_removed` is the share of the noise's variance that smoothing takes out.
+100 points of equal probability; smooth responses through trial results plus packing noise of known size (0.006
+corresponds to 23,000 spheres, 0.015 to 2,000, 0.03 to 1,000).  Errors of mean, standard deviation, 5 % and 95 %
+quantile over the true standard deviation, mean over 20 repetitions, at the peak and the critical state and along
+strain.  Writes data/benchmarks/pdem_noise.csv; `variance_removed` is the share of the noise variance that smoothing
+removes.
 """
 
 from __future__ import annotations
@@ -17,11 +18,12 @@ import numpy as np
 import pandas as pd
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
 
 import analytic_cases as cases  # noqa: E402
 
-from analysis import montecarlo, pdem, surrogate  # noqa: E402
+from analysis.pdem import weighted  # noqa: E402
+from analysis.surrogates import monte_carlo, surrogate  # noqa: E402
 
 OUT = ROOT / "data" / "benchmarks" / "pdem_noise.csv"
 STRAIN = np.array([0.005, 0.02, 0.1, 0.4])
@@ -42,10 +44,10 @@ class Truth:
     predict = staticmethod(responses)
 
 
-def errors(h, weight, truth) -> dict[str, np.ndarray]:
+def errors(h, probability, truth) -> dict[str, np.ndarray]:
     """Absolute errors (6,) over the true standard deviation."""
-    mean, std = pdem.moments(h, weight)
-    low, high = pdem.quantiles(h, weight, [0.05, 0.95]).T
+    mean, std = weighted.moments(h, probability)
+    low, high = weighted.quantiles(h, probability, [0.05, 0.95]).T
     exact = {"mean": truth.mean, "std": truth.std, "q05": truth.quantile(0.05), "q95": truth.quantile(0.95)}
     return {k: np.abs(v - exact[k]) / truth.std for k, v in zip(exact, (mean, std, low, high), strict=True)}
 
@@ -53,8 +55,8 @@ def errors(h, weight, truth) -> dict[str, np.ndarray]:
 if __name__ == "__main__":
     rng = np.random.default_rng(1)
     samples = cases.joint_inputs(rng.normal(size=(1_000_000, 2)))
-    truth = montecarlo.monte_carlo(Truth, samples, np.arange(len(ROWS)), cells=2000)
-    weight = np.full(POINTS, 1 / POINTS)
+    truth = monte_carlo.monte_carlo(Truth, samples, np.arange(len(ROWS)), cells=2000)
+    probability = np.full(POINTS, 1 / POINTS)
     rows = []
     for noise in (0.0, 0.006, 0.015, 0.03):
         for repeat in range(REPEATS):
@@ -64,7 +66,7 @@ if __name__ == "__main__":
             fitted, share, _ = surrogate.smoothed(inputs, raw)
             left = np.mean((fitted - smooth) ** 2, axis=1)
             for name, h in (("raw", raw), ("smoothed", fitted)):
-                found = errors(h, weight, truth)
+                found = errors(h, probability, truth)
                 for k, response in enumerate(ROWS):
                     row = {"noise": noise, "response": response, "kind": name}
                     row |= {key: value[k] for key, value in found.items()}

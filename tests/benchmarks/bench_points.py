@@ -25,10 +25,10 @@ from scipy import special
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from analysis import points, voronoi  # noqa: E402
-from analysis.discrepancy import moment_errors  # noqa: E402
-from analysis.inputs import read_pairs  # noqa: E402
-from analysis.joint import Joint, fit_joint  # noqa: E402
+from analysis.inputs.joint import Joint, fit_joint  # noqa: E402
+from analysis.inputs.pairs import read_pairs  # noqa: E402
+from analysis.points import selection, voronoi  # noqa: E402
+from analysis.points.discrepancy import moment_errors  # noqa: E402
 
 FOLDER = ROOT / "data" / "benchmarks"
 SIZES = (25, 50, 100, 200, 400)
@@ -77,7 +77,7 @@ def measure(joint: Joint, name: str, n: int, exact: np.ndarray, scale: np.ndarra
     """One row of points.csv."""
     D, moments, integrals, rest = [], [], [], []
     for seed in SEEDS:
-        chosen = points.select_points(joint, n, seed=seed, **METHODS[name])
+        chosen = selection.select_points(joint, n, seed=seed, **METHODS[name])
         D.append(chosen.discrepancy)
         found = moment_errors(chosen.x, chosen.probability, joint)
         moments.append([np.abs(found[key]).max() for key in ("mean", "std", "correlation")])
@@ -104,11 +104,11 @@ def cost(joint: Joint) -> list[str]:
     """CPU time of choosing points beside that of a million plain samples of the joint distribution, in one run."""
     cases = {
         "a million samples": lambda: joint.sample(1_000_000, np.random.default_rng(1)),
-        "n = 100, gf": lambda: points.select_points(joint, 100, seed=99),
-        "n = 100, gf, nested": lambda: points.select_points(joint, 100, seed=99, nested=True),
-        "n = 100, gf-published": lambda: points.select_points(joint, 100, "gf-published", seed=99),
-        "n = 400, gf": lambda: points.select_points(joint, 400, seed=99),
-        "reweighting 100 points": lambda: points.reweight(points.select_points(joint, 100, "sobol"), joint),
+        "n = 100, gf": lambda: selection.select_points(joint, 100, seed=99),
+        "n = 100, gf, nested": lambda: selection.select_points(joint, 100, seed=99, nested=True),
+        "n = 100, gf-published": lambda: selection.select_points(joint, 100, "gf-published", seed=99),
+        "n = 400, gf": lambda: selection.select_points(joint, 400, seed=99),
+        "reweighting 100 points": lambda: selection.reweight(selection.select_points(joint, 100, "sobol"), joint),
     }
     seconds = {}
     for name, run in cases.items():

@@ -21,9 +21,9 @@ from bench_stability import BASE, consolidated, initial, sheared
 from dem_runs import ROOT, RunCrashed, RunFailed, assembly, chain, run
 from scipy.stats import t
 
-from analysis.runfile import read_run
-from analysis.triaxial import stress_ratio
-from campaign.row import closed_doors
+from analysis.runs.run_file import read_run
+from analysis.runs.triaxial import stress_ratio
+from campaign.run_one import run_environment
 
 G_P = 25.7e9
 CAMPAIGN = {"inertial_number": 2.4e-3, "timestep_factor": 1.0, "density_scaling": 1, "snapshots": ""}
@@ -44,9 +44,9 @@ def overhead(jobs: int) -> pd.DataFrame:
                                     "energy_strain": 0.005}  # fmt: skip
         shear = read_run(run("shear", start=probe.path, **values))
         steps, dt = int(shear.timing["steps"]), float(shear.timing["dt_mean"])
-        command = ["yade", "-n", "-x", "-j1", str(ROOT / "tests" / "yade_scenes" / "bare_loop.py"), str(probe.path)]
-        out = subprocess.run([*command, str(steps), repr(dt), repr(0.04 / steps / dt)], env=closed_doors(), text=True,
-                             stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, check=True).stdout  # fmt: skip
+        command = ["yade", "-n", "-x", "-j1", str(ROOT / "tests" / "yade" / "scenes" / "bare_loop.py"), str(probe.path)]
+        out = subprocess.run([*command, str(steps), repr(dt), repr(0.04 / steps / dt)], env=run_environment(),
+                             text=True, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, check=True).stdout  # fmt: skip
         bare = float(out.split("cpu_seconds")[1].split()[0])
         whole = float(shear.timing["cpu_seconds"])
         rows.append({"turn": turn, "steps": steps, "shear_cpu_seconds": whole, "bare_cpu_seconds": bare,

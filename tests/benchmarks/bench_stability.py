@@ -31,10 +31,10 @@ import pandas as pd
 from bench_rows import append, finished
 from dem_runs import BUILD, D50, ROOT, RunCrashed, RunFailed, RunStopped, assembly, row_digest, run
 
-from analysis import micromechanics
 from analysis.assembly import Assembly, AssemblyError, make_assembly, write_assembly
-from analysis.runfile import read_run, read_snapshot
-from analysis.triaxial import stress_ratio
+from analysis.micromechanics import metrics
+from analysis.runs.run_file import read_run, read_snapshot
+from analysis.runs.triaxial import stress_ratio
 from campaign.plan import effective_rate
 
 ROWS = ROOT / "data" / "benchmarks" / "stability.csv"
@@ -313,7 +313,7 @@ def consolidated(case: dict, yade: str = "yade"):
 
 def initial(product) -> dict:
     """e and Z of a consolidated packing at rest."""
-    found = micromechanics.snapshot_metrics(read_snapshot(read_run(product), -1))
+    found = metrics.snapshot_metrics(read_snapshot(read_run(product), -1))
     return {"e_0": float(found["e"]), "Z_0": float(found["Z"])}
 
 

@@ -23,8 +23,8 @@ sys.path.insert(0, str(ROOT))
 scene = sys.modules["yade_scripts.rve"] = ModuleType("yade_scripts.rve")  # proofs need of it, and of YADE, one error
 scene.ProofError = RuntimeError
 
-from analysis.archive import Archive  # noqa: E402
-from analysis.triaxial import critical_state  # noqa: E402
+from analysis.runs.archive import Archive  # noqa: E402
+from analysis.runs.triaxial import critical_state  # noqa: E402
 from yade_scripts.proofs import is_steady  # noqa: E402
 
 RUNS, OUT = ROOT / "data" / "laptop" / "runs.h5", ROOT / "data" / "benchmarks" / "steady.csv"

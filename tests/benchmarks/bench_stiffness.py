@@ -21,9 +21,10 @@ import pandas as pd
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from analysis.micromechanics import sliding_fraction, snapshot_metrics  # noqa: E402
-from analysis.runfile import Snapshot, read_run, read_snapshot  # noqa: E402
-from analysis.stiffness import effective_medium, network_moduli  # noqa: E402
+from analysis.micromechanics.metrics import sliding_fraction, snapshot_metrics  # noqa: E402
+from analysis.micromechanics.snapshot import Snapshot  # noqa: E402
+from analysis.micromechanics.stiffness import effective_medium, network_moduli  # noqa: E402
+from analysis.runs.run_file import read_run, read_snapshot  # noqa: E402
 from tests.benchmarks import dem_runs  # noqa: E402
 
 TABLE = ROOT / "data" / "benchmarks" / "stiffness.csv"

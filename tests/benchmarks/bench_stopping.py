@@ -18,11 +18,11 @@ import numpy as np
 import pandas as pd
 
 ROOT = Path(__file__).resolve().parents[2]
-sys.path[:0] = [str(ROOT), str(ROOT / "tests")]
+sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
 
 import analytic_cases as cases  # noqa: E402
 
-from analysis import stopping, surrogate  # noqa: E402
+from analysis.surrogates import stopping, surrogate  # noqa: E402
 
 OUT = ROOT / "data" / "benchmarks" / "stopping.csv"
 DENSITIES = (0.001, 0.04, 0.1)

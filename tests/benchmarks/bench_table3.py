@@ -13,9 +13,10 @@ import pandas as pd
 from bench_rows import append, finished
 from dem_runs import ROOT, SIGMA_LN, RunCrashed, RunFailed, assembly, digest, run
 
-from analysis import grading, micromechanics
-from analysis.paper import INITIAL_STATE
-from analysis.runfile import read_run, read_snapshot
+from analysis.micromechanics import grading
+from analysis.micromechanics.metrics import contact_count, snapshot_metrics
+from analysis.runs.run_file import read_run, read_snapshot
+from analysis.tables.published import INITIAL_STATE
 
 ROWS = ROOT / "data" / "benchmarks" / "table3.csv"
 SYMBOLS = ("e", "e_m", "Z", "Z_m")
@@ -48,8 +49,8 @@ def consolidated(N: int, sigma_ln: float, mu_iso: float, packing: int) -> dict:
     except RunFailed as error:
         return row | {"failure": str(error)}
     snapshot = read_snapshot(product, -1)
-    metrics = micromechanics.snapshot_metrics(snapshot)
-    d, count = 2.0 * snapshot.radius, micromechanics.contact_count(snapshot.N, snapshot.contact_ids)
+    metrics = snapshot_metrics(snapshot)
+    d, count = 2.0 * snapshot.radius, contact_count(snapshot.N, snapshot.contact_ids)
     row |= {symbol: metrics[symbol] for symbol in SYMBOLS}
     row |= {"I_G": grading.grading_index(d), "I_G_active": grading.active_grading_index(d, count)}
     row |= {key: product.proofs[key] for key in ("overshoot", "F_unb", "stress_error")}

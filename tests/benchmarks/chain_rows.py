@@ -8,9 +8,9 @@ from pathlib import Path
 from bench_rows import append
 from dem_runs import RunCrashed, RunFailed, row_digest, run
 
-from analysis.run_states import run_states
-from analysis.runfile import RunFileError, read_run
-from analysis.stiffness import StiffnessError
+from analysis.micromechanics.stiffness import StiffnessError
+from analysis.runs.run_file import RunFileError, read_run
+from analysis.runs.states import run_states
 from campaign.plan import predicted_seconds, predicted_steps
 
 G_REF, SIGMA_3 = 25.7e9, 100e3

@@ -7,7 +7,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from campaign.row import read_task
+from campaign.run_one import read_task
 
 table, line = os.environ["YADE_BATCH"].rsplit(":", 1)
 cells = read_task(Path(table), int(line)).cells | {"checkpoint_seconds": os.environ["CHECKPOINT_SECONDS"]}

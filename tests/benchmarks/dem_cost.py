@@ -7,6 +7,7 @@ from dataclasses import replace
 import pandas as pd
 from dem_runs import ROOT
 
+from analysis.points import RepresentativePoints
 from campaign.config import Config, read_config
 from campaign.plan import STAGES, make_rows, predicted_seconds, predicted_steps
 
@@ -29,7 +30,7 @@ def costs(rows: pd.DataFrame, settings: dict[str, dict], points: dict[str, tuple
     """
     good = rows[rows.failure.isna()]
     paper = read_config(ROOT / "campaign" / "paper.toml")
-    all_points = pd.read_csv(ROOT / "data" / "laptop" / "points.csv").to_dict("records")
+    all_points = RepresentativePoints.from_csv((ROOT / "data" / "laptop" / "points.csv").read_text())
 
     def over_plan(some, stage: str, taken: pd.Series, seconds: bool) -> float:
         """What these rows took together over the steps, or CPU seconds, that the plan has for them."""

@@ -23,12 +23,12 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
 from analysis.assembly import make_assembly, write_assembly  # noqa: E402
-from analysis.runfile import Run, read_run  # noqa: E402
-from campaign.row import MACHINE, closed_doors, die_with_parent  # noqa: E402
+from analysis.runs.run_file import Run, read_run  # noqa: E402
+from campaign.run_one import MACHINE, die_with_parent, run_environment  # noqa: E402
 
 BUILD = Path(os.environ.get("BENCH_FOLDER", ROOT / "build" / "bench"))
 D50, SIGMA_LN = 0.248e-3, 0.174
-LONG_DOUBLE = ROOT / "tests" / "yade_scenes" / "in_long_double.py"
+LONG_DOUBLE = ROOT / "tests" / "yade" / "scenes" / "in_long_double.py"
 #: The analysis that makes a row of a run, beside the scripts that make the run.
 MEASURING = ("run_states", "triaxial", "stiffness", "micromechanics", "rearrangement")
 #: Scripts whose runs repeat earlier ones' to the last digit; rows go by the earlier name.  To be entered, proven by
@@ -128,7 +128,7 @@ def _run_if_missing(stage: str, yade: str, name: str, values: dict, cpu_limit: i
         with open(log, "w") as out:
             ended = subprocess.run(
                 [yade, "-n", "-x", "-j1", *_scene(stage, yade)], stdin=subprocess.DEVNULL,
-                env=closed_doors() | {"YADE_BATCH": f"{table}:2"}, stdout=out, stderr=subprocess.STDOUT, check=False,
+                env=run_environment() | {"YADE_BATCH": f"{table}:2"}, stdout=out, stderr=subprocess.STDOUT, check=False,
                 preexec_fn=limited,
             )  # fmt: skip
         if product.exists():

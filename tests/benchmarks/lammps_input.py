@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.runfile import Snapshot
+from analysis.micromechanics.snapshot import Snapshot
 
 AXES = ("x", "y", "z")
 STEP = 0.8  # of the stability limit of the packing at rest

@@ -1,0 +1,32 @@
+"""Measured pairs of mu_s and G_p and their joint distribution: reading, marginals, copula, refits to bootstrap samples.
+
+Rule: numpy, scipy, `copulas` and what lies below it; no file but the CSV of the pairs, and no pandas.  `pairs` needs
+numpy alone; the other names are imported on first use.
+"""
+
+from .._lazy import lazy_names
+from .pairs import InputError, check_pairs, read_pairs
+
+__all__ = [
+    "InputError",
+    "Joint",
+    "JointFit",
+    "Marginal",
+    "MarginalError",
+    "bootstrap_joints",
+    "check_pairs",
+    "fit_joint",
+    "read_pairs",
+]
+
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "Joint": ".joint",
+        "JointFit": ".joint",
+        "Marginal": ".marginals",
+        "MarginalError": ".marginal_families",
+        "bootstrap_joints": ".joint",
+        "fit_joint": ".joint",
+    },
+)

@@ -1,0 +1,252 @@
+"""The joint distribution of the input variables: marginals joined by a copula (Sklar's theorem, Eq. 1)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import special
+
+from .. import copulas
+from ..copulas.elliptical import normal_score
+from ..copulas.multivariate import GaussianCopula, fit_gaussian
+from . import marginals
+from .pairs import check_pairs
+
+#: Limit of the quadrature in standard deviations of the normals; the probability beyond it is 6e-14.
+_REACH = 7.5
+
+
+@dataclass(frozen=True)
+class Joint:
+    """d marginals and their copula: `Copula` for two variables, `GaussianCopula` for any number.
+
+    Arrays of points are (..., d) in the units of the marginals (mu_s: 1, G_p: Pa).  Raises CopulaError if the copula
+    has another number of variables.
+    """
+
+    marginals: tuple[marginals.Marginal, ...]
+    copula: copulas.Copula | GaussianCopula
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "marginals", tuple(self.marginals))
+        if len(self.marginals) != self.copula.dimension:
+            raise copulas.CopulaError(
+                f"{len(self.marginals)} marginals do not fit a copula of {self.copula.dimension} variables"
+            )
+
+    @property
+    def dimension(self) -> int:
+        """Number of variables d."""
+        return len(self.marginals)
+
+    def uniforms(self, x: ArrayLike) -> np.ndarray:
+        """Marginal probabilities F_i(x_i) of points x (..., d)."""
+        x = np.asarray(x, dtype=float)
+        return np.stack([m.cdf(x[..., i]) for i, m in enumerate(self.marginals)], axis=-1)
+
+    def from_uniforms(self, u: ArrayLike) -> np.ndarray:
+        """Marginal quantiles (..., d) at probabilities u (..., d); 0 and 1 give the last finite quantile."""
+        inside = np.clip(np.asarray(u, dtype=float), 1e-300, 1.0 - 2.0**-53)
+        return np.stack([m.ppf(inside[..., i]) for i, m in enumerate(self.marginals)], axis=-1)
+
+    def logpdf(self, x: ArrayLike) -> np.ndarray:
+        """Log of the joint PDF at x (..., d); Eq. 1."""
+        x = np.asarray(x, dtype=float)
+        of_marginals = sum(m.logpdf(x[..., i]) for i, m in enumerate(self.marginals))
+        u = self.uniforms(x)
+        if isinstance(self.copula, copulas.Copula):
+            of_copula = self.copula.logpdf(u[..., 0], u[..., 1])
+        else:
+            of_copula = self.copula.logpdf(u)
+        return np.where(np.isfinite(of_marginals), of_marginals + of_copula, -np.inf)
+
+    def pdf(self, x: ArrayLike) -> np.ndarray:
+        """Joint PDF at x (..., d), in 1 / (unit of x_1 * unit of x_2 ...)."""
+        return np.exp(self.logpdf(x))
+
+    def cdf(self, x: ArrayLike) -> np.ndarray:
+        """P(X_1 <= x_1, X_2 <= x_2, ...) at x (..., d)."""
+        u = self.uniforms(x)
+        if isinstance(self.copula, copulas.Copula):
+            return self.copula.cdf(u[..., 0], u[..., 1])
+        return self.copula.cdf(u)
+
+    def rosenblatt(self, x: ArrayLike) -> np.ndarray:
+        """Points x (..., d) to independent uniforms (..., d), each variable conditional on those before it."""
+        return self.copula.rosenblatt(self.uniforms(x))
+
+    def inverse_rosenblatt(self, w: ArrayLike) -> np.ndarray:
+        """Independent uniforms (..., d) to points of this distribution."""
+        return self.from_uniforms(self.copula.inverse_rosenblatt(np.asarray(w, dtype=float)))
+
+    def to_normal(self, x: ArrayLike) -> np.ndarray:
+        """Points x (..., d) to independent standard normals (..., d), where the cells of the points are defined."""
+        w = self.rosenblatt(x)
+        tiny = 1e-300
+        return normal_score(np.maximum(w, tiny), np.maximum(1.0 - w, tiny))
+
+    def from_normal(self, z: ArrayLike) -> np.ndarray:
+        """Independent standard normals (..., d) to points of this distribution."""
+        return self.inverse_rosenblatt(special.ndtr(np.asarray(z, dtype=float)))
+
+    def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
+        """n independent points, shape (n, d)."""
+        return self.inverse_rosenblatt(rng.random((n, self.dimension)))
+
+    def conditional_cdf(self, x2: ArrayLike, x1: ArrayLike) -> np.ndarray:
+        """P(X_2 <= x2 | X_1 = x1) of the first two variables."""
+        pair = np.stack(np.broadcast_arrays(np.asarray(x1, float), np.asarray(x2, float)), axis=-1)
+        return self._first_two().rosenblatt(pair)[..., 1]
+
+    def conditional_ppf(self, p: ArrayLike, x1: ArrayLike) -> np.ndarray:
+        """x2 from P(X_2 <= x2 | X_1 = x1) = p, of the first two variables."""
+        u1 = self.marginals[0].cdf(x1)
+        w = np.stack(np.broadcast_arrays(u1, np.asarray(p, float)), axis=-1)
+        return self.marginals[1].ppf(self._first_two().copula.inverse_rosenblatt(w)[..., 1])
+
+    def expectation(self, function: Callable[[np.ndarray], np.ndarray], nodes: int | None = None) -> np.ndarray:
+        """E[function(x)] by Gauss-Legendre quadrature over independent normals, `nodes` per variable.
+
+        function maps points (m, d) to (m,) or (m, k); the result is a number or (k,).
+        """
+        nodes = nodes or {1: 400, 2: 200, 3: 48}.get(self.dimension, 16)
+        t, weight = np.polynomial.legendre.leggauss(nodes)
+        t, weight = _REACH * t, _REACH * weight * np.exp(-0.5 * (_REACH * t) ** 2) / np.sqrt(2.0 * np.pi)
+        z = np.stack(np.meshgrid(*[t] * self.dimension, indexing="ij"), axis=-1).reshape(-1, self.dimension)
+        weights = np.prod(np.stack(np.meshgrid(*[weight] * self.dimension, indexing="ij"), axis=-1), axis=-1).ravel()
+        return np.tensordot(weights / weights.sum(), function(self.from_normal(z)), axes=(0, 0))
+
+    def moments(self, nodes: int | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Exact means (d,) and covariance matrix (d, d); off-diagonal terms by quadrature as in `expectation`."""
+        mean = np.array([m.mean for m in self.marginals])
+        std = np.array([m.std for m in self.marginals])
+        index_pairs = [(i, j) for i in range(self.dimension) for j in range(i)]
+        covariance = np.diag(std**2)
+        if index_pairs:
+
+            def products(x: np.ndarray) -> np.ndarray:
+                y = (x - mean) / std
+                return np.stack([y[:, i] * y[:, j] for i, j in index_pairs], axis=1)
+
+            for (i, j), value in zip(index_pairs, self.expectation(products, nodes), strict=True):
+                covariance[i, j] = covariance[j, i] = value * std[i] * std[j]
+        return mean, covariance
+
+    def to_dict(self) -> dict[str, Any]:
+        """A JSON-ready dictionary."""
+        return {"marginals": [m.to_dict() for m in self.marginals], "copula": self.copula.to_dict()}
+
+    @staticmethod
+    def from_dict(data: dict[str, Any]) -> Joint:
+        """The inverse of to_dict."""
+        kind = GaussianCopula if "correlation" in data["copula"] else copulas.Copula
+        return Joint(tuple(map(marginals.Marginal.from_dict, data["marginals"])), kind.from_dict(data["copula"]))
+
+    def _first_two(self) -> Joint:
+        if self.dimension == 2 or isinstance(self.copula, copulas.Copula):
+            return self
+        return Joint(self.marginals[:2], GaussianCopula(tuple(row[:2] for row in self.copula.correlation[:2])))
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """Result of a fit to pairs: the joint distribution, all fitted marginals and copulas (best first), the reason."""
+
+    joint: Joint
+    marginals: tuple[tuple[marginals.Marginal, ...], ...]
+    copulas: tuple[copulas.CopulaFit, ...]
+    note: str
+
+    def to_dict(self) -> dict[str, Any]:
+        """A JSON-ready dictionary: joint, marginal tables (one list per variable), copula table, note."""
+        return {
+            "joint": self.joint.to_dict(),
+            "marginals": [[m.to_dict() for m in table] for table in self.marginals],
+            "copulas": [c.to_dict() for c in self.copulas],
+            "note": self.note,
+        }
+
+
+def fit_joint(
+    pairs: np.ndarray,
+    marginal_families: tuple[str, ...] = tuple(marginals.FAMILIES),
+    copula_families: tuple[str, ...] | None = None,
+    n_boot: int = 1000,
+    seed: int = 1,
+) -> JointFit:
+    """Fit marginals (smallest AIC) and a copula (smallest AIC among those the bootstrap accepts) to measured pairs.
+
+    Parameters
+    ----------
+    pairs : array (n, 2)
+        mu_s (1) and G_p (Pa).  More than two columns (n, d) get a Gaussian copula, without a test.
+    marginal_families : tuple of str
+        Families to try for every marginal.
+    copula_families : tuple of str, optional
+        Families to try for the copula, by default all that can have the sign of dependence of the pairs.
+    n_boot : int
+        Bootstrap samples for the test of each copula; 0 for no test.
+    seed : int
+        Seed of the random numbers.
+
+    Returns
+    -------
+    JointFit
+        The joint distribution, all fitted marginals and copulas (best first), and the reason of the choice.
+
+    Raises
+    ------
+    InputError, MarginalError, CopulaError
+        For pairs that cannot be fitted or an unknown family.
+
+    Examples
+    --------
+    >>> fit = fit_joint(read_pairs("data/pairs_reconstructed.csv"), n_boot=0)
+    >>> [marginal.family for marginal in fit.joint.marginals], fit.joint.copula.family
+    (['lognormal', 'lognormal'], 'gaussian')
+    >>> round(fit.joint.copula.tau, 2)
+    -0.53
+    """
+    pairs = check_pairs(pairs)
+    tables = tuple(tuple(marginals.fit_all(column, marginal_families, seed=seed)) for column in pairs.T)
+    if pairs.shape[1] > 2:
+        joint = Joint(tuple(table[0] for table in tables), fit_gaussian(pairs))
+        return JointFit(joint, tables, (), f"gaussian: the only copula here for {pairs.shape[1]} variables; no test")
+    fits = copulas.select(pairs[:, 0], pairs[:, 1], copula_families, n_boot, np.random.default_rng(seed))
+    best, note = copulas.choose(fits)
+    return JointFit(Joint(tuple(table[0] for table in tables), best.copula), tables, tuple(fits), note)
+
+
+def bootstrap_joints(
+    pairs: np.ndarray, n_boot: int, rng: np.random.Generator, joint: Joint | None = None
+) -> list[Joint]:
+    """Joint distributions refitted to n_boot bootstrap samples of the pairs (n, d): the uncertainty of the inputs.
+
+    Families are those of `joint`; if it is None, those that `fit_joint` selects for the pairs by AIC alone.
+    """
+    pairs = check_pairs(pairs)
+    joint = fit_joint(pairs, n_boot=0).joint if joint is None else joint
+    resampled = pairs[rng.integers(0, len(pairs), (n_boot, len(pairs)))]
+    names = [list(m.params) for m in joint.marginals]
+    columns = [marginals.fit_rows(resampled[..., i], m.family) for i, m in enumerate(joint.marginals)]
+    refitted: list[copulas.Copula | GaussianCopula]
+    if isinstance(joint.copula, GaussianCopula):
+        refitted = [fit_gaussian(rows) for rows in resampled]
+    else:
+        u, v = copulas.pseudo_observations(resampled[..., 0]), copulas.pseudo_observations(resampled[..., 1])
+        dependence = copulas.fit_rows(u, v, joint.copula.family)
+        refitted = [copulas.Copula(joint.copula.family, tuple(row.tolist())) for row in dependence]
+    return [
+        Joint(
+            tuple(
+                marginals.Marginal(m.family, dict(zip(names[i], columns[i][k].tolist(), strict=True)))
+                for i, m in enumerate(joint.marginals)
+            ),
+            refitted[k],
+        )
+        for k in range(n_boot)
+    ]

@@ -1,0 +1,144 @@
+"""The report's sections on reliability: sources of the scatter, enough runs, other sizes, proofs and noise."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import pandas as pd
+
+from ..tables.pooled_states import FEWEST_RUNS
+from . import page, wording
+
+Frames = Mapping[str, pd.DataFrame]
+
+
+def sources(frames: Frames) -> str:
+    """HTML on the sources of the variance, and on the points and PDEM against Monte Carlo."""
+    shares = frames["variance_sources"]
+    if not len(shares):
+        return page.paragraph(
+            f"Too few runs for a response surface: it needs at least {FEWEST_RUNS} points per density."
+        )
+    parts = ("only_mu_s", "only_G_p", "shared", "noise")
+    shares = shares.drop(columns="loo_error").assign(**{k: [f"{v:.2f}" for v in shares[k]] for k in parts})
+    check = frames["monte_carlo"]
+    check = check[check["quantity"].isin(("eta", "e", "Z", "G_0"))]
+    compared = {name: [f"{page.number(a)} ({100 * difference:+.1f})"
+                       for a, difference in zip(check[name], check[f"{name}_diff"], strict=True)]
+                for name in ("mean", "sd", "q05", "q50", "q95")}  # fmt: skip
+    along = frames["monte_carlo_along_strain"]
+    percent = [name for name in along.columns if name not in ("mu_iso", "quantity", "unit")]
+    along = along.assign(quantity=page.headings(along), **{k: [f"{100 * v:.1f}" for v in along[k]] for k in percent})
+    return "".join((
+        page.paragraph(wording.SOURCES),
+        page.table(
+            shares.sort_values(["quantity", "state", "mu_iso"]), "Shares of the variance over the points", digits=2
+        ),
+        page.table(
+            check[["state", "mu_iso"]].assign(**compared, quantity=page.headings(check))
+            [["quantity", "state", "mu_iso", *compared]],
+            "Moments and quantiles of the points; in brackets their difference from Monte Carlo through the response "
+            "surface, in % of its standard deviation with noise",
+            stack=True,
+        ),
+        page.table(
+            along.drop(columns="unit"),
+            "PDEM against Monte Carlo along strain beyond 1 %: largest differences in % of the standard deviation; "
+            "W1: Wasserstein distance of the PDFs",
+        ),
+    ))  # fmt: skip
+
+
+def replay(frames: Frames) -> str:
+    """HTML on the stopping rule applied in hindsight."""
+    frame = frames["stopping_replay"]
+    if not len(frame):
+        return page.paragraph("This cannot be judged: points were spared, or too few were run for a response surface.")
+    shares = ("share_of_runs", "claimed", "error_all_runs", "error_surface")
+    shown = frame.assign(**{name: [f"{v:.1%}" for v in frame[name]] for name in shares})
+    return page.paragraph(wording.REPLAY) + page.table(shown, "The stopping rule in hindsight", stack=True)
+
+
+def friction_angles(frames: Frames) -> str:
+    """HTML of the friction angles with their bands."""
+    frame = frames["design"]
+    names = ("mean_deg", "q05_points_deg", "q05_pdf_deg")
+    shown = frame.assign(**{name: [f"{v:.1f} ({a:.1f}–{b:.1f})" for v, a, b in zip(
+        frame[name], frame[f"{name}_low"], frame[f"{name}_high"], strict=True)] for name in names})  # fmt: skip
+    caption = "Mean and characteristic friction angles (degrees)"
+    return page.paragraph(wording.FRICTION_ANGLES) + page.table(shown[["mu_iso", "state", *names]], caption)
+
+
+def noise_and_proofs(frames: Frames) -> str:
+    """HTML of the proofs, the drift, the noise of packings, the bands, the PDF widths and the lost probability."""
+    parts = [page.table(frames["proofs"], "What every shear run proves", stack=True)]
+    parts += map(page.paragraph, wording.proof_notes(frames))
+    parts.append(page.table(
+        frames["noise"].assign(quantity=page.headings(frames["noise"])).drop(columns="unit"),
+        "Noise in the spread: standard deviation over the points, standard error of one run's critical average, "
+        "scatter between packings, and the error that all points of a density may share",
+        stack=True,
+    ))  # fmt: skip
+    parts += _bands(frames["moment_bands"])
+    parts.append(page.table(
+        frames["pdf_widths"].assign(quantity=page.headings(frames["pdf_widths"])).drop(columns="unit"),
+        "Width of the PDFs: kernel beside the spread of the points, at the last strain",
+    ))  # fmt: skip
+    losses = frames["losses"]
+    if losses[["failed", "extended", "lost_probability"]].any(axis=None):
+        parts.append(page.table(losses, "Failed and continued shear runs, and their probability", stack=True))
+    return "".join(parts)
+
+
+def _bands(frame: pd.DataFrame) -> list[str]:
+    if not len(frame):
+        return []
+    shown = frame.assign(
+        quantity=page.headings(frame), mean=page.intervals(frame, "mean", "–"), sd=page.intervals(frame, "sd", "–")
+    )
+    caption = ("95 % bands of means and standard deviations; last, the share of the mean's squared error that comes "
+               "from the runs")  # fmt: skip
+    columns = ["quantity", "state", "mu_iso", "mean", "sd", "runs_share"]
+    return [page.paragraph(wording.BANDS), page.table(shown[columns], caption, stack=True, digits=2)]
+
+
+def other_runs(frames: Frames) -> str:
+    """HTML of the benchmarks beside results.h5, other sizes and rates, other grains; "" without them."""
+    parts: list[str] = []
+    for name, show in (("fidelity", _fidelity), ("beyond", _beyond)):
+        if len(frames[name]):
+            parts += [page.paragraph(wording.BESIDE[name]), *show(frames[name])]
+    return "".join(parts)
+
+
+def _fidelity(frame: pd.DataFrame) -> Iterator[str]:
+    """Bias and scatter apart, one row per response and one column per rung."""
+    cells = [f"{b:+.1f} ± {h:.1f}, {word}" for b, h, word in
+             zip(frame["bias (%)"], frame["± (%)"], frame["bias within"], strict=True)]  # fmt: skip
+    bias = _wide(frame.assign(cell=cells), "against", "cell")
+    scatter = _wide(frame, "against", "scatter, rung (%)").dropna(axis=1, how="all")
+    scatter.insert(1, "lowest rung", _wide(frame, "against", "scatter, laptop (%)").iloc[:, 1])
+    failed = int(frame.drop_duplicates("against")["failed"].sum() + frame["failed, laptop"].iloc[0])
+    promised = frame["promised (%)"].iloc[0]
+    caption = f"bias of this campaign's setting against each rung in %, ± 95 %, and whether it is within {promised:g} %"
+    yield page.table(bias, f"The fidelity ladder: {caption} ({failed} chains failed)", stack=True)
+    yield page.table(scatter, "Scatter between packings at the same point in %", digits=2)
+
+
+def _beyond(frame: pd.DataFrame) -> Iterator[str]:
+    """Differences from what each case is compared with, one row per response, beside the scatters."""
+    frame = frame.assign(response=frame["response"] + ", " + frame["state"])
+    differences = _wide(frame.assign(cell=[f"{v:+.1f}" for v in frame["difference (%)"]]), "case", "cell")
+    for name in ("scatter between packings (%)", "scatter between draws (%)"):
+        differences[name.removesuffix(" (%)")] = frame.groupby("response", sort=False)[name].max().to_numpy()
+    sides = (("case", "failed"), ("against", "failed of the other"))
+    failed = sum(int(frame.drop_duplicates(side)[count].sum()) for side, count in sides)
+    caption = (f"Difference in %: of a grading from the standard one, of grains with a pair each from one pair per "
+               f"specimen ({failed} chains failed)")  # fmt: skip
+    yield page.table(differences, caption, stack=True, digits=2)
+
+
+def _wide(frame: pd.DataFrame, column: str, value: str) -> pd.DataFrame:
+    """One row per response and one column per value of `column`, in the order of the frame."""
+    wide = frame.pivot(index="response", columns=column, values=value)
+    return wide.loc[frame["response"].unique(), frame[column].unique()].rename_axis(None, axis=1).reset_index()

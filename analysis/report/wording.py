@@ -1,0 +1,313 @@
+"""The sentences of the report: captions, comparisons with the paper, and warnings; their numbers come from frames."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import pandas as pd
+
+from ..quantities import QUANTITIES, parameter
+from ..results.reader import Results
+from ..tables import published
+from ..tables.claims import CONTRADICTED, INCONCLUSIVE, SUPPORTED
+
+Frames = Mapping[str, pd.DataFrame]
+
+SIGNS = {"mu_s": "μ_s", "G_p": "G_p", "e": "e", "e_m": "e_m", "Z": "Z", "Z_m": "Z_m", "eta": "η"}
+
+CAPTIONS = {
+    "fig02": "Figure 2. (a) The pairs of interparticle friction and particle shear modulus; (b, c) their histograms "
+    "with fitted marginal PDFs, smallest AIC first.",
+    "fig03": "Figure 3. (a, b) Joint PDF of the two properties, with the pairs; (c) the representative points, "
+    "area by probability; (d) twice as many points; (e) distribution functions "
+    "carried by the points against the exact ones.",
+    "fig04": "Figure 4. Grading of the assembly that all runs share.",
+    "fig05": "Figure 5. Stress ratio: PDFs along axial strain; means with two standard deviations to either side; PDFs "
+    "at the peak of every run and at the critical state, shaded as in Figure 8. Ticks under an axis are the points. "
+    "The paper's dense peaks range from 0.6 to 1.2, its loose ones from 0.5 to 0.9, its critical states from 0.5 to "
+    "0.8.",
+    "fig06": "Figure 6. PDF surfaces of the stress ratio, the densest also in plan. A surface starts where the PDFs of "
+    "neighbouring strains overlap; values above the scale are cut off.",
+    "fig07": "Figure 7. Peak (triangles) and critical state (circles, at the right) of every point, in stress ratio "
+    "and void ratio. A peak is that of one run. Where a curve has hardly any peak, in loose samples, it is the largest "
+    "fluctuation along a plateau and may lie at any strain.",
+    "fig08": "Figure 8. Void ratio. The paper: densities differ at the peak and converge at the critical state. "
+    "Shaded, here and wherever the PDF of a state is shown: the 95 % band from resampling the pairs alone, without "
+    "packing noise. Values above the scale of a surface are cut off.",
+    "fig09": "Figure 9. Mechanical void ratio, inactive grains counted as void.",
+    "fig10": "Figure 10. Coordination number. The paper: between 3.3 and 5.5 at the peak and the critical state, the "
+    "same for all densities.",
+    "fig11": "Figure 11. Mechanical coordination number.",
+    "fig12": "Figure 12. Fabric anisotropy, major minus minor principal value of the fabric tensor.",
+    "fig13": "Figure 13. (a, b) Small-strain stiffness and (c, d) dilatancy at the peak: PDFs, and every point against "
+    "the property that controls it. Loose points above the others in (b) have a friction below that of consolidation: "
+    "their packing collapsed before the probe and became denser.",
+    "fig14": "Figure 14. Joint PDFs of the critical stress ratio with void ratio and mechanical void ratio. Product "
+    "kernels widen the PDFs; the correlation given is that of the points.",
+    "fig15": "Figure 15. Joint PDFs of the critical stress ratio with the two coordination numbers.",
+    "fig16": "Figure 16. Not in the paper: peak and critical state along interparticle friction. Every point, and the "
+    "response surface at the modulus that the regression on friction gives, with the 95 % band of the surface and, "
+    "where replicate packings measure it, of packings.",
+}
+
+
+def sign(symbol: str) -> str:
+    """A symbol as the page shows it."""
+    return SIGNS.get(symbol, symbol)
+
+
+def caption(results: Results, name: str) -> str:
+    """The caption of a figure; where pairs are shown, with the file that they come from."""
+    of_pairs = f" Pairs: {results.inputs.get('source') or 'unnamed'}." if name in ("fig02", "fig03") else ""
+    return CAPTIONS[name] + of_pairs
+
+
+CLAIMS = (
+    "Each claim became a number with a 95 % interval from resampling the points, in which the noise of the packing is "
+    "a shift common to all points of a density. A claim is supported if the whole interval meets the criterion, "
+    "contradicted if no part of it does, and inconclusive otherwise. The criteria are this project's reading of the "
+    "paper's words."
+)
+
+SOURCES = (
+    "Interparticle friction and shear modulus depend on each other, so each explains most of what the other explains. "
+    "The table splits each variance into the part that only one of them adds once the other is known, the part that "
+    "either explains (shared), and the part that a smooth response surface over both leaves over (noise of the "
+    "packing). The next table compares moments and quantiles of the points with Monte Carlo samples through that "
+    "surface, which has no noise (the quantiles include the noise of the runs). The last one compares PDEM's PDFs "
+    "along strain with such samples, noise included."
+)
+
+REPLAY = (
+    "All points were run, so the rule that stops a campaign once it has enough runs can be judged in hindsight. The "
+    "rule is applied to these runs, batch by batch in its own order, and its claim is compared with what the other "
+    "runs show. Errors are Wasserstein distances over the standard deviation, the worst over peak and critical stress "
+    "ratio and critical void ratio at all densities. The claim is about the response surface; the distance to all runs "
+    "contains their noise."
+)
+
+BANDS = (
+    "Uncertainty of means and standard deviations: 95 % bands from the noise of the runs, from the error that the "
+    "points of a density share through their packing where it is known, and from the number of pairs, to which the "
+    "inputs are refitted. Both numbers are those of the response surface, without the scatter of single runs, which "
+    "increases the standard deviations of the other tables."
+)
+
+FRICTION_ANGLES = (
+    "Friction angles in degrees in triaxial compression, sin φ = 3η/(6+η), with 95 % bands from resampling the points, "
+    "from the noise of the packing and from the finite set of pairs. Every run gives all its grains one pair of "
+    "properties, so the spread is that of a population's mean properties, not the scatter within one deposit."
+)
+
+#: What is said of the benchmarks' tables that lie beside results.h5, by the CSV's name.
+BESIDE = {
+    "fidelity": "Does the size of this campaign bias its numbers? The same chains of runs at five points with more "
+    "spheres and at lower rates. Bias is the difference of this campaign's setting from the rung, averaged over the "
+    "points. It is within the promise of the accuracy setting if its whole 95 % interval is.",
+    "beyond": "Not in the paper: a well-graded and a gap-graded assembly, and grains that each have a pair of "
+    "properties of their own. There are few runs, so only differences well above the scatter between packings count.",
+}
+
+
+def in_short(frames: Frames) -> list[str]:
+    """The main numbers and the outcome of the claims, in a few sentences."""
+    states, claims = frames["peak_critical"], frames["claims"]
+    states = states[(states["family"] == "coupled") & (states["quantity"] == "eta")]
+    sentences = []
+    for state, stated in (("peak", "0.6–1.2 in dense and 0.5–0.9 in loose samples"), ("critical", "0.5–0.8 for all")):
+        of_state = states[states["state"] == state]
+        numbers = ", ".join(f"{m:.3f} ± {s:.3f}" for m, s in zip(of_state["mean"], of_state["sd"], strict=True))
+        sentences.append(
+            f"Stress ratio at the {state} state, mean ± standard deviation from the densest to the loosest: {numbers} "
+            f"(the paper: {stated})."
+        )
+    supported = int((claims["verdict"] == SUPPORTED).sum())
+    sentences.append(f"{supported} of {len(claims)} claims are supported.")
+    for outcome in (CONTRADICTED, INCONCLUSIVE):
+        named = claims.loc[claims["verdict"] == outcome, "claim"]
+        if len(named):
+            listed = "; ".join(named) if len(named) <= 6 else f"{len(named)}, see the table"
+            sentences.append(f"Claims that are {outcome}: {listed}.")
+    return sentences
+
+
+def source(results: Results) -> str:
+    """Where the pairs come from."""
+    named = results.inputs.get("source") or "an unnamed source"
+    return (
+        f"{len(results.pairs)} pairs from {named}. The paper's own 94 pairs are not public; a reconstructed set "
+        "reproduces its tables, not its measurements."
+    )
+
+
+def marginals_against_paper(results: Results) -> str:
+    """The fitted medians and widths beside Table 1."""
+    parts = []
+    for symbol, (family, median, width, distance) in published.MARGINALS.items():
+        fits = {fit["family"]: fit for fit in results.inputs["marginals"].get(symbol, [])}
+        if not fits:
+            continue
+        best = next(iter(fits))
+        quantity = QUANTITIES[symbol]
+        ours = "not fitted"
+        if family in fits:
+            ours = ", ".join(parameter(symbol, k, v) for k, v in fits[family]["params"].items())
+        parts.append(
+            f"{sign(symbol)}: smallest AIC for {best}; {family} here {ours}; the paper's median "
+            f"{median * quantity.shown_factor:g} {quantity.shown_unit}".rstrip()
+            + f", sigma_ln {width:g}, D = {distance:g}. "
+        )
+    return "".join(parts) + (
+        "The paper's critical distance 1.358/√n holds for known parameters. The one for fitted parameters is smaller "
+        "and given beside it, as for the Anderson–Darling statistic (ad)."
+    )
+
+
+def copulas_against_paper(results: Results) -> str:
+    """The chosen copula beside Table 2."""
+    best = results.inputs["copulas"][0]
+    theirs = "; ".join(
+        f"{name} {', '.join(f'{p:g}' for p in parameters)} (AIC {aic:g})"
+        for name, (parameters, aic) in published.COPULAS.items()
+    )
+    ours = ", ".join(f"{p:.3f}" for p in best["parameters"])
+    return (
+        f"Chosen here: {best['family']} ({ours}). The paper: {theirs}. The smallest AIC among the copulas that the "
+        "parametric bootstrap accepts is taken; the paper's own p-value compares with independent uniforms and hardly "
+        "ever rejects."
+    )
+
+
+def initial_states(frame: pd.DataFrame, collapse: pd.DataFrame) -> str:
+    """What the table of initial states holds, and its largest difference from the paper's Table 3."""
+    loss = collapse["largest_loss_of_e"].max() if len(collapse) else 0.0
+    text = (
+        "The state after consolidation, as in the paper's Table 3. Where one consolidation serves all points, its COV "
+        "is the scatter between packings, while the paper's is that of its 100 points. Beside it stands the average "
+        "over the points before shear, each at rest again with its own friction and modulus. Where the friction is "
+        f"below that of consolidation, a packing collapses; its void ratio falls by up to {loss:.1%}."
+    )
+    if not frame["difference_pct"].notna().any():
+        return text
+    worst = frame.loc[frame["difference_pct"].abs().idxmax()]
+    return text + (
+        f" The largest difference from the paper's Table 3 is {worst['difference_pct']:+.1f} % "
+        f"({sign(worst['quantity'])} at mu_iso = {worst['mu_iso']:g})."
+    )
+
+
+def open_inputs(results: Results) -> str:
+    """How the bands from the pairs were made, and what they do not contain."""
+    refitted = results.bootstrap_probability(results.family_densities()[0])
+    count = 0 if refitted is None else len(refitted)
+    return (
+        f"With {len(results.pairs)} pairs the fitted input distribution is itself uncertain. The pairs were resampled "
+        f"{count} times, the marginals and the copula were refitted (their families kept), and the points received the "
+        "probabilities that each refitted distribution gives them; no run is repeated. The bands here, and those "
+        "around the PDFs at the peak, at the critical state and of the stiffness in the figures, hold 95 % of the "
+        "outcomes. They do not contain packing noise or the choice of families."
+    )
+
+
+def run_notes(results: Results, frames: Frames) -> list[str]:
+    """Failures with their reasons, and early stops, in words."""
+    runs, counts = frames["runs"], frames["run_counts"].iloc[-1]
+    failed = runs[runs["status"] == "failed"]
+    notes = [f"{len(failed)} of {len(runs)} runs failed."] if len(failed) else []
+    notes += [f"{row.run_id}: {row.reason}" for row in failed.head(10).itertuples()]
+    if len(failed) > 10:
+        notes.append(f"... and {len(failed) - 10} more, all in tables/runs.csv.")
+    collapsed = int((runs["collapsed"] & (runs["status"] == "done")).sum())
+    if collapsed:
+        notes.append(
+            f"{collapsed} probes and shear runs start from a collapsed packing, because their friction is below that "
+            "of its consolidation (column collapsed in tables/runs.csv). The density that results depends on the "
+            "grains' inertia too: in the stability map, of 64 to 200 spheres, by less than 1 % in void ratio."
+        )
+    if counts["spared"]:
+        filled = int(frames["design"]["filled"].max())
+        notes.append(
+            f"{int(counts['spared'])} runs were spared, because the target error was reached without them: {filled} of "
+            f"{len(results.points)} points were not run; a regression over the two properties gives their values."
+        )
+    present = results.attrs["versions"].get("analysis code", "")
+    older = int((~runs["measured_by"].isin(["", present])).sum())
+    if older:
+        notes.append(
+            f"{older} runs come from an archive that another version of the analysis wrote: their states are those "
+            "that this version measured (column measured_by in tables/runs.csv)."
+        )
+    if counts["steady_early"]:
+        notes.append(
+            f"{int(counts['steady_early'])} shear runs stopped early because their critical state was steady. Beyond "
+            "that strain their curves are continued by their critical averages, and counted as continued."
+        )
+    return notes
+
+
+def proof_notes(frames: Frames) -> list[str]:
+    """Packing noise, corrected probes, drift, and how many runs prove a steady critical state."""
+    runs = frames["runs"]
+    runs = runs[runs["status"] == "done"]
+    shear = runs[runs["stage"] == "shear"]
+    notes = [packing(frames["packing_design"])]
+    checks = frames["probe_checks"].iloc[0]
+    if checks["checked"]:
+        notes.append(
+            f"In {int(checks['checked'])} of {int(checks['probes'])} small-strain probes more than "
+            f"{checks['pushed_limit']:.1%} of the contacts are so near the Coulomb limit that the probe may make them "
+            "slide. These probes are checked against the static solve of their contact network. In "
+            f"{int(checks['replaced'])} of them the difference exceeds {checks['difference_limit']:.0%} (largest: "
+            f"{checks['largest_difference']:.0%}); there the network's value is used."
+        )
+    notes += critical_drift(frames["critical_drift"])
+    unsteady = shear[shear["unsteady"] != ""]
+    if not len(unsteady):
+        return [*notes, f"All {len(shear)} shear runs prove that their critical state is steady."]
+    first = unsteady.iloc[0]
+    return [
+        *notes,
+        f"{len(unsteady)} of {len(shear)} shear runs do not prove by themselves that their critical state is steady, "
+        "mostly because the scatter of one run hides such drifts; their averages are used nevertheless. The first of "
+        f"them, {first['run_id']}: {first['unsteady']}.",
+    ]
+
+
+def packing(design: pd.DataFrame) -> str:
+    """How noise that all points of a density share is allowed for, from `run_quality.packing_design`."""
+    row = design.iloc[0]
+    text = (
+        "All points of a density start from the same packing, so part of the noise of a run is common to them. It does "
+        "not average out over the points; only replicate packings or more spheres show it or reduce it. "
+    )
+    if not row["compared"]:
+        return text + (
+            "The intervals of the claims allow for it by the standard error of one run where that is known; otherwise "
+            "the affected claims are inconclusive."
+        )
+    removed = (
+        "The offset of the first packing at these points is subtracted at all points, along the strain and in every "
+        "state, times the share of it that belongs to the packing and is not scatter of single runs. "
+        if row["levelled"] else ""
+    )  # fmt: skip
+    return text + (
+        f"Here {row['packings']} packings serve {row['points']} of the points. {removed}The intervals of claims, "
+        "friction angles and means allow for the rest: the scatter between packings of the mean over these points, "
+        "pooled over the densities."
+    )
+
+
+def critical_drift(frame: pd.DataFrame) -> list[str]:
+    """The mean drift over the critical part, from `run_quality.critical_drift`; nothing if it is not known."""
+    if not len(frame):
+        return []
+    drifts = "; ".join(
+        f"mu_iso = {row.mu_iso:g}: η {row.drift_eta_pct:+.1f} ± {row.error_eta_pct:.1f} %, "
+        f"e {row.drift_e_pct:+.2f} ± {row.error_e_pct:.2f} %"
+        for row in frame.itertuples()
+    )
+    basis = (
+        "the points that all packings serve, with the error between packings" if frame["between_packings"].all()
+        else "the runs of a density, with the standard error as if runs of one packing were independent"
+    )  # fmt: skip
+    return [f"Drift from the beginning to the end of the critical part, mean over {basis}: {drifts}."]

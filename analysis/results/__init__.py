@@ -1,0 +1,10 @@
+"""results.h5: the reader, the builder, and the averages over replicate packings.
+
+Rule: the reader stands on h5py, pandas, `pdem.weighted`, `pdem.pdf` and the points' value only; the builder stands on
+`runs`, `points` and `surrogates`.  No table, no figure.  Only the reader's names are re-exported, so that reading a
+file loads nothing of the runs.
+"""
+
+from .reader import STATES, Response, Results, ResultsError, read_results
+
+__all__ = ["STATES", "Response", "Results", "ResultsError", "read_results"]

@@ -1,0 +1,290 @@
+"""Collects a campaign's products into arrays on one strain grid, and states what became of every run."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.spatial import cKDTree
+
+from ..errors import GrainScatterError
+from ..pdem import weighted
+from ..points.representative import RepresentativePoints
+from ..quantities import STAGE_STATES
+from ..runs import run_file
+from ..runs.archive import NOTHING, RunSummary, run_summary
+from ..runs.states import RunStates
+from ..surrogates.surrogate import fill
+from .replicates import average
+
+PROPERTIES = ("mu_s", "G_p")
+COLUMNS = ("run_id", "stage", "family", "point", "packing", "mu_iso", "mu_s", "G_p", "product")
+#: Parameters of a product that must be those of the plan, by stage.
+CHECKED = {"consolidate": ("G_p", "mu_iso"), "shear": ("mu_s", "G_p", "mu_iso"), "probe": ("mu_s", "G_p", "mu_iso")}
+#: Runs below which there is no response surface.
+SURFACE = 5
+
+
+class ResponsesError(GrainScatterError):
+    """A plan that cannot be turned into results; one line names the run or the density and the value that failed."""
+
+
+@dataclass(frozen=True)
+class FamilyDensity:
+    """All runs of one family at one density on the common strain grid of T strains: Q points, R packings.
+
+    `values` and `states` are averages over the packings brought to one level (`results.replicates`), `replicates` the
+    packings one by one; NaN where a run failed.  `probability` (Q,) sums to 1; a point without a run has zero, and the
+    nearest point with a run, `bearer` (Q,), has its probability; `lost_probability` is the sum that moved.  `filled`
+    marks points (Q,) that were not run, by stage: their values and states are those of the response surface through
+    the others.
+    """
+
+    mu_iso: float
+    family: PlannedFamily
+    packings: tuple[int, ...]
+    probability: np.ndarray
+    bearer: np.ndarray
+    lost_probability: float
+    filled: dict[str, np.ndarray]
+    extended: np.ndarray
+    values: dict[str, np.ndarray]
+    replicates: dict[str, np.ndarray]
+    states: dict[str, dict[str, np.ndarray]]
+    errors: dict[str, dict[str, np.ndarray]]
+    state_replicates: dict[str, dict[str, np.ndarray]]
+    counts: dict[str, int]
+
+
+@dataclass(frozen=True)
+class PlannedFamily:
+    """A family's points (Q,) with the properties that its runs have.
+
+    A campaign's point that the family does not plan gives its probability to the planned one that is nearest in the
+    logarithms of those properties in which the planned ones differ: `nearest` (n,) has that one's place for each of the
+    campaign's n points.  `planned_share` is the probability of the planned points before that.
+    """
+
+    name: str
+    points: RepresentativePoints
+    nearest: np.ndarray
+    planned_share: float
+
+
+@dataclass(frozen=True)
+class Collected:
+    """What a campaign's products hold: densities by family, strains (T,), one row per run, and the grains.
+
+    `diameters` (N,) in m and `grading` are those of the first run that has a snapshot.
+    """
+
+    densities: list[FamilyDensity]
+    strain: np.ndarray
+    runs: pd.DataFrame
+    diameters: np.ndarray
+    grading: dict[str, Any]
+
+
+def collect(
+    plan: pd.DataFrame, points: RepresentativePoints, archive: Mapping[str, RunSummary] | None = None
+) -> Collected:
+    """Read every product of a plan and return what they hold as `Collected`.
+
+    archive: an `analysis.runs.archive.Archive`; its runs need no product.  Raises ResponsesError for a missing product,
+    parameters that are not the plan's, a plan without needed columns, or points that are unknown.  Rows whose status in
+    the plan (an optional column) is "spared" need no product; a regression fills their points.
+    """
+    missing = [name for name in COLUMNS if name not in plan.columns]
+    if missing or len(plan) == 0:
+        raise ResponsesError(f"plan of {len(plan)} runs lacks the columns {missing}" if missing else "plan has no runs")
+    planned = list(plan.itertuples(index=False))
+    read = [_read(row, archive or {}) for row in planned]
+    runs = pd.DataFrame([line for line, _ in read])
+    by_run = [(row, states) for row, (_, states) in zip(planned, read, strict=True)]
+    spared = {line["run_id"] for line, _ in read if line["status"] == "spared"}
+    strain = _strain_grid([states for row, states in by_run if states and row.stage == "shear"])
+    densities = []
+    for (family, mu_iso), index in plan.groupby(["family", "mu_iso"], sort=True).indices.items():
+        rows = [by_run[i] for i in index if by_run[i][0].stage in STAGE_STATES]
+        if rows:
+            family_points = _family_points(family, plan[plan["family"] == family], points)
+            densities.append(_density(family_points, float(mu_iso), rows, strain, spared))
+    none: tuple[np.ndarray, dict[str, Any]] = (np.empty(0), {})
+    grains = next((states.grains for _, states in by_run if states and states.grains), none)
+    return Collected(densities, strain, runs, *grains)
+
+
+def _read(row, archive):
+    """One line of the table of runs, and the run's states (None if it failed or was spared)."""
+    path = Path(row.product)
+    line = {name: getattr(row, name) for name in ("run_id", "stage", "family", "mu_iso", "point", "packing")}
+    failure_file = path.with_name(f"{row.run_id}.failed.json")
+    if path.exists():
+        run = run_file.read_run(path)
+        _check(run, row)
+        summary = run_summary(run)
+        return line | {"status": "done"} | summary.facts, summary.states
+    if row.run_id in archive:
+        summary = archive[row.run_id]
+        return line | {"status": "done"} | summary.facts, summary.states
+    if failure_file.exists():
+        failure = json.loads(failure_file.read_text())
+        outcome: dict[str, Any] = {"status": "failed", "reason": str(failure.get("reason", "no reason given"))}
+        outcome["cpu_seconds"] = float(failure.get("cpu_seconds", np.nan))
+    elif getattr(row, "status", "") == "spared":
+        outcome = {"status": "spared", "reason": "the answer does not need it"}
+    else:
+        raise ResponsesError(f"run {row.run_id}: there is no product {path}")
+    return line | NOTHING | outcome, None
+
+
+def _check(run, row):
+    if run.stage != row.stage:
+        raise ResponsesError(f"{run.path}: is a {run.stage} run, the plan wants {row.stage}")
+    for name in CHECKED.get(row.stage, ()):
+        planned, used = float(getattr(row, name)), float(run.parameters.get(name, np.nan))
+        if not np.isclose(planned, used, rtol=1e-6, atol=0):
+            raise ResponsesError(f"run {row.run_id}: {name} = {used:g} in {run.path.name}, the plan has {planned:g}")
+
+
+def _strain_grid(shears: list[RunStates]) -> np.ndarray:
+    """The strains of the fullest run: the longest of those that have the most windows."""
+    if not shears:
+        raise ResponsesError("no shear run has a product: there is no response to collect")
+    best = max(shears, key=lambda states: (len(states.eps_a), states.eps_a[-1]))
+    end = max(float(states.eps_a[-1]) for states in shears)
+    if best.eps_a[-1] < end:
+        best = max((s for s in shears if s.eps_a[-1] == end), key=lambda states: len(states.eps_a))
+    return np.asarray(best.eps_a, float)
+
+
+def _family_points(family: str, plan: pd.DataFrame, points: RepresentativePoints) -> PlannedFamily:
+    """The points that a family plans, with the probability of those that it does not."""
+    used = plan.drop_duplicates("point").set_index("point")
+    unknown = sorted(set(used.index) - set(points.id))
+    if unknown:
+        raise ResponsesError(f"{family}: the plan's points {unknown} are not among the {len(points)} points")
+    planned = np.isin(points.id, used.index)
+    number = points.id[planned]
+    x = np.column_stack([used.loc[number, name].to_numpy(float) for name in PROPERTIES])
+    nearest = _nearest(points.x, x)
+    probability = np.bincount(nearest, weights=points.probability, minlength=len(number))
+    family_points = RepresentativePoints(x, probability / probability.sum(), id=number)
+    return PlannedFamily(family, family_points, nearest, float(points.probability[planned].sum()))
+
+
+def _nearest(x, planned):
+    """Place (n,) of the planned point (Q, 2) that is nearest to each point x (n, 2)."""
+    varying = np.ptp(planned, axis=0) > 0
+    columns = varying if varying.any() else np.ones(len(PROPERTIES), bool)
+    logs, planned_logs = np.log(x[:, columns]), np.log(planned[:, columns])
+    scale = np.where(logs.std(axis=0) > 0, logs.std(axis=0), 1.0)
+    return cKDTree(planned_logs / scale).query(logs / scale)[1]
+
+
+def _density(
+    family: PlannedFamily, mu_iso: float, rows: list[Any], strain: np.ndarray, spared: set[str]
+) -> FamilyDensity:
+    points = family.points
+    packings = tuple(sorted({row.packing for row, _ in rows}))
+    replicates, extended, state_sets, error_sets = _by_packing(points, packings, rows, strain)
+    values = {symbol: average(sets) for symbol, sets in replicates.items()}
+    averages = {state: {s: average(v) for s, v in table.items()} for state, table in state_sets.items()}
+    filled = {stage: _not_run(stage, rows, points, spared) for stage in STAGE_STATES}
+    for stage, states in STAGE_STATES.items():
+        for table in (averages.get(state, {}) for state in states):
+            table |= {symbol: _fill(points, value[None], filled[stage])[0] for symbol, value in table.items()}
+    values = {symbol: _fill(points, value, filled["shear"]) for symbol, value in values.items()}
+    alive = np.isfinite(values["eta"]).all(axis=0) if values else np.ones(len(points), bool)
+    bearer = np.arange(len(points))
+    if alive.any() and not alive.all():
+        bearer = np.flatnonzero(alive)[_nearest(points.x, points.x[alive])]
+    return FamilyDensity(
+        mu_iso=mu_iso,
+        family=family,
+        packings=packings,
+        probability=np.bincount(bearer, weights=points.probability, minlength=len(points)),
+        bearer=bearer,
+        lost_probability=float(points.probability[~alive].sum()),
+        filled=filled,
+        extended=extended.any(axis=0),
+        values=values,
+        replicates=replicates,
+        states=averages,
+        errors={state: {s: _packing_error(v) for s, v in table.items()} for state, table in error_sets.items()},
+        state_replicates=state_sets if len(packings) > 1 else {},
+        counts=_counts([(row, states) for row, states in rows if row.stage == "shear"], spared),
+    )
+
+
+def _by_packing(points, packings, rows, strain):
+    """Responses (R, T, Q), where they are extended, and states and their errors (R, Q), packing by packing."""
+    place = {point: q for q, point in enumerate(points.id.tolist())}
+    packing_place = {packing: r for r, packing in enumerate(packings)}
+    shape = (len(packings), len(strain), len(points))
+    replicates: dict[str, np.ndarray] = {}
+    state_sets: dict[str, dict[str, np.ndarray]] = {}
+    error_sets: dict[str, dict[str, np.ndarray]] = {}
+    extended = np.zeros(shape, bool)
+    for row, states in rows:
+        if states is None:
+            continue
+        r, q = packing_place[row.packing], place[row.point]
+        for symbol in states.responses:
+            values, extended[r, :, q] = _on_grid(states, symbol, strain, row.run_id)
+            replicates.setdefault(symbol, np.full(shape, np.nan))[r, :, q] = values
+        for target, source in ((state_sets, states.states), (error_sets, states.errors)):
+            for state, table in source.items():
+                for symbol, value in table.items():
+                    target.setdefault(state, {}).setdefault(symbol, np.full(shape[::2], np.nan))[r, q] = value
+    return replicates, extended, state_sets, error_sets
+
+
+def _counts(shear, spared):
+    """What became of the shear runs of a density."""
+    return {
+        "planned": len(shear),
+        "done": sum(states is not None for _, states in shear),
+        "failed": sum(states is None and row.run_id not in spared for row, states in shear),
+        "spared": sum(row.run_id in spared for row, _ in shear),
+        "extended": sum(states is not None and states.steady_end for _, states in shear),
+    }
+
+
+def _not_run(stage, rows, points, spared):
+    """Points (Q,) all of whose runs of a stage were spared."""
+    of_stage = [(row.point, row.run_id in spared) for row, _ in rows if row.stage == stage]
+    needed = {point for point, is_spared in of_stage if not is_spared}
+    return np.isin(points.id, sorted({point for point, _ in of_stage} - needed))
+
+
+def _fill(points, values, filled):
+    """Values (T, Q) with those of the filled points from the response surface through the others, if there is one."""
+    if not filled.any() or np.isfinite(values).sum(axis=1).min() < SURFACE:
+        return values
+    surface, _ = fill(points.x, values)
+    return np.where(filled, surface, values)
+
+
+def _on_grid(states, symbol, strain, run_id):
+    """A run's response on the common grid, and where it is continued by its critical-state average."""
+    end = states.eps_a[-1]
+    beyond = strain > end + 0.5 * np.median(np.diff(states.eps_a))
+    values = np.interp(strain, states.eps_a, states.responses[symbol])
+    if beyond.any():
+        if not states.steady_end:
+            raise ResponsesError(
+                f"run {run_id}: ends at eps_a = {end:.4g} before the campaign's {strain[-1]:.4g} and is not steady"
+            )
+        values[beyond] = states.states["critical"][symbol]
+    return values, beyond
+
+
+def _packing_error(sets):
+    count = np.maximum(np.isfinite(sets).sum(axis=0), 1)
+    return np.sqrt(weighted.mean(np.moveaxis(sets**2, 0, -1), np.ones(len(sets))) / count)

@@ -1,0 +1,327 @@
+"""Reads results.h5, the file that holds a campaign's results. It needs nothing else of the campaign.
+
+    results = read_results("runs/demo/results.h5")
+    results.points                                    # RepresentativePoints: mu_s, G_p (Pa), probability
+    eta = results.response("eta", mu_iso=0.04)        # eta.values (T, Q), eta.mean, eta.std, eta.pdf
+    peak = results.state("peak", "eta", mu_iso=0.04)  # one value per point, NaN where the run is missing
+    results.probability(0.04)                         # the probabilities of these values, of sum 1
+
+Everything is in SI units; names and displayed units are in analysis/quantities.py.
+"""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pandas as pd
+
+from ..errors import GrainScatterError
+from ..files import open_hdf5
+from ..pdem import weighted
+from ..pdem.pdf import PDF
+from ..points.representative import RepresentativePoints
+from ..quantities import CONSOLIDATED, QUANTITIES, STAGE_STATES, Quantity
+
+FORMAT, FORMAT_VERSION = "campaign-results", 3
+STATES = ("initial", "peak", "critical", "probe")
+#: Columns of the table of runs whose name in the file means another quantity in a product: there `drift_eta` is the
+#: slope over the last 10 % of strain, here the fitted relative change over the critical part.
+RENAMED_RUN_COLUMNS = {"drift_eta": "critical_drift_eta", "drift_e": "critical_drift_e"}
+
+
+class ResultsError(GrainScatterError):
+    """A results file that cannot be used, or a name that is not in it; one line names it and the reason."""
+
+
+@dataclass(frozen=True)
+class Response:
+    """One response at one density: values (T, Q) over the strains (T,) and the points, and its PDF along strain.
+
+    `probability` (Q,) of the points, of sum 1.  `extended` (T, Q) marks values that continue a run which stopped early
+    in the steady state.  `replicates` (R, T, Q) are the single packings behind the averages, or None.  `pdf` holds the
+    PDF on its grid (pdf.p, pdf.x) and what widens it.  `mean` and `std` (T,) are sums over the points, never integrals
+    of the PDF.
+    """
+
+    quantity: Quantity
+    strain: np.ndarray
+    values: np.ndarray
+    probability: np.ndarray
+    extended: np.ndarray
+    replicates: np.ndarray | None
+    pdf: PDF
+
+    @property
+    def mean(self) -> np.ndarray:
+        """Mean of the points at every strain, (T,), in SI units."""
+        return weighted.mean(self.values, self.probability)
+
+    @property
+    def std(self) -> np.ndarray:
+        """Standard deviation of the points at every strain, (T,), in SI units."""
+        return weighted.std(self.values, self.probability)
+
+    def quantile(self, q: float) -> np.ndarray:
+        """Quantile q of the points at every strain, (T,), in SI units."""
+        return np.array([weighted.quantile(row, self.probability, q) for row in self.values])
+
+    @property
+    def density(self) -> PDF:
+        """Former name of `pdf`; will be removed in the next version."""
+        warnings.warn("Response.density is now Response.pdf", DeprecationWarning, stacklevel=2)
+        return self.pdf
+
+
+@dataclass(frozen=True)
+class Results:
+    """A campaign's results: tables in memory; responses and states are read from the file on demand.
+
+    `strain` (T,); `densities` are the mu_iso of all families; `points` the representative points; `runs` one row per
+    run; `pairs` (n, 2) of mu_s and G_p (Pa); `inputs` the fitted distributions; `diameters` (N,) m.
+    """
+
+    path: Path
+    attrs: dict[str, Any]
+    strain: np.ndarray
+    densities: tuple[float, ...]
+    families: tuple[str, ...]
+    points: RepresentativePoints
+    runs: pd.DataFrame
+    pairs: np.ndarray
+    inputs: dict[str, Any]
+    diameters: np.ndarray
+    grading: dict[str, Any]
+
+    def family_densities(self, family: str = "coupled") -> tuple[float, ...]:
+        """The densities of a family as consolidation frictions mu_iso, ascending: the densest first."""
+        with self._open() as file:
+            return self._densities(file, family)
+
+    def family_points(self, family: str = "coupled") -> RepresentativePoints:
+        """The points of a family, with the properties that its runs have."""
+        with self._open() as file:
+            self._densities(file, family)
+            return _points(file[f"families/{family}/points"])
+
+    def probability(self, mu_iso: float, family: str = "coupled") -> np.ndarray:
+        """Probabilities (Q,) of the points at a density, of sum 1; zero where a point has no run."""
+        with self._open() as file:
+            return self._group(file, mu_iso, family, "weight")[()]
+
+    def weights(self, mu_iso: float, family: str = "coupled") -> np.ndarray:
+        """Former name of `probability`; will be removed in the next version."""
+        warnings.warn("Results.weights is now Results.probability", DeprecationWarning, stacklevel=2)
+        return self.probability(mu_iso, family)
+
+    def bootstrap_probability(self, mu_iso: float, family: str = "coupled") -> np.ndarray | None:
+        """Probabilities (B, Q) of the points at a density under inputs refitted to B resamples of the pairs, or None.
+
+        As in `probability`, a point without a run has zero (the nearest point with a run has its probability); every
+        row sums to 1.
+        """
+        with self._open() as file:
+            if "inputs/bootstrap_probability" not in file:
+                return None
+            drawn = file["inputs/bootstrap_probability"][()]
+            bearer = self._group(file, mu_iso, family, "bearer")[()][file[f"nearest/{family}"][()]]
+            count = len(self._group(file, mu_iso, family, "weight"))
+        probability = np.zeros((len(drawn), count))
+        np.add.at(probability.T, bearer, drawn.T)
+        return probability / probability.sum(axis=1, keepdims=True)
+
+    def filled(self, mu_iso: float, family: str = "coupled", state: str = "critical") -> np.ndarray:
+        """Which points (Q,) of a density were not run for a state; a regression over the inputs gives their values."""
+        stage = next((stage for stage, states in STAGE_STATES.items() if state in states), None)
+        if stage is None:
+            raise ResultsError(f"{self.path}: there is no state {state!r}, only {', '.join(STATES)}")
+        with self._open() as file:
+            return self._group(file, mu_iso, family, "filled", stage)[()]
+
+    def measured(self, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> np.ndarray:
+        """Values (Q,) of a quantity at a state from runs only, in SI units; NaN where a run is missing or filled."""
+        values = self.state(state, symbol, mu_iso, family)
+        return np.where(self.filled(mu_iso, family, state), np.nan, values)
+
+    def counts(self, mu_iso: float, family: str = "coupled") -> dict[str, Any]:
+        """Numbers of shear runs planned, done, failed, spared and extended at a density, and the lost probability."""
+        with self._open() as file:
+            return _plain(self._group(file, mu_iso, family).attrs)
+
+    def response(self, symbol: str, mu_iso: float, family: str = "coupled") -> Response:
+        """One response along strain at one density.  Raises ResultsError if the file has none of that name."""
+        with self._open() as file:
+            base = self._group(file, mu_iso, family)
+            group = self._group(file, mu_iso, family, "responses", symbol)
+            replicates = base.get(f"replicates/{symbol}")
+            return Response(
+                quantity=QUANTITIES[symbol],
+                strain=self.strain,
+                values=group["values"][()],
+                probability=base["weight"][()],
+                extended=group["extended"][()],
+                replicates=None if replicates is None else replicates[()],
+                pdf=PDF.from_hdf5(group),
+            )
+
+    def symbols(self, mu_iso: float, family: str = "coupled") -> tuple[str, ...]:
+        """Symbols of the responses along strain at a density."""
+        with self._open() as file:
+            return tuple(self._group(file, mu_iso, family, "responses"))
+
+    def state(self, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> np.ndarray:
+        """Values (Q,) of a quantity at a state ("initial", "peak", "critical", "probe"), in SI units.
+
+        NaN where a run is missing.  Raises ResultsError for an unknown state, quantity, density or family.
+        """
+        with self._open() as file:
+            return self._group(file, mu_iso, family, "states", state, symbol)[()]
+
+    def consolidated(self, symbol: str, mu_iso: float, family: str = "coupled") -> tuple[np.ndarray, np.ndarray]:
+        """Values (R,) of e, e_m, Z or Z_m after the R consolidations of a density, and probabilities (R,) of sum 1.
+
+        One consolidation per packing: all have the same probability.  With `per_point` one per point and packing: those
+        of a point share its probability.
+        """
+        if symbol not in CONSOLIDATED:
+            raise ResultsError(f"{self.path}: consolidations have no {symbol!r}, only {', '.join(CONSOLIDATED)}")
+        with self._open() as file:
+            self._group(file, mu_iso, family)
+        runs = self.runs[(self.runs["stage"] == "consolidate") & (self.runs["mu_iso"] == mu_iso)]
+        runs = runs[runs["family"].isin(["shared", family]) & np.isfinite(runs[symbol].astype(float))]
+        probability = np.ones(len(runs))
+        if (runs["point"] >= 0).any():
+            points = self.family_points(family)
+            of_point = pd.Series(points.probability, index=points.id)
+            runs = runs[runs["point"].isin(of_point.index)]
+            point = runs["point"]
+            probability = (point.map(of_point) / point.map(point.value_counts())).to_numpy(float)
+        values = runs[symbol].to_numpy(float)
+        return values, probability / probability.sum() if len(probability) else probability
+
+    def state_error(self, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> np.ndarray | None:
+        """Standard errors (Q,) of a state's values from the fluctuation within the runs, or None if not estimated."""
+        return self._beside_state("errors", state, symbol, mu_iso, family)
+
+    def state_replicates(self, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> np.ndarray | None:
+        """Values (R, Q) of the single packings behind a state's averages, or None with one packing."""
+        return self._beside_state("state_replicates", state, symbol, mu_iso, family)
+
+    def state_symbols(self, state: str, mu_iso: float, family: str = "coupled") -> tuple[str, ...]:
+        """Symbols of the quantities at a state; empty if the campaign has no such stage."""
+        with self._open() as file:
+            return tuple(self._group(file, mu_iso, family).get(f"states/{state}", ()))
+
+    def _open(self) -> h5py.File:
+        return open_hdf5(self.path, ResultsError, "results file")
+
+    def _densities(self, file: h5py.File, family: str) -> tuple[float, ...]:
+        if family not in self.families:
+            raise ResultsError(f"{self.path}: there is no family {family!r}, only {', '.join(self.families)}")
+        return tuple(sorted(float(name) for name in file[f"families/{family}"] if name != "points"))
+
+    def _group(self, file: h5py.File, mu_iso: float, family: str, *names: str) -> Any:
+        """The group of a family at a density, or what is below it; the error names what there is instead."""
+        densities = [f"{m:g}" for m in self._densities(file, family)]
+        if f"{mu_iso:g}" not in densities:
+            raise ResultsError(f"{self.path}: {family} has no density mu_iso = {mu_iso:g}, only {', '.join(densities)}")
+        group = file[f"families/{family}/{mu_iso:g}"]
+        for name in names:
+            if name not in group:
+                raise ResultsError(f"{self.path}: there is no {name!r} in {group.name}, only {', '.join(group)}")
+            group = group[name]
+        return group
+
+    def _beside_state(self, place: str, state: str, symbol: str, mu_iso: float, family: str) -> np.ndarray | None:
+        """What the file holds beside the values of a state, or None."""
+        with self._open() as file:
+            self._group(file, mu_iso, family, "states", state, symbol)
+            dataset = file.get(f"families/{family}/{mu_iso:g}/{place}/{state}/{symbol}")
+            return None if dataset is None else dataset[()]
+
+
+def read_results(path: str | Path | Results) -> Results:
+    """Open results.h5.
+
+    Parameters
+    ----------
+    path : str, Path or Results
+        The file; results that are already open are returned as they are.
+
+    Returns
+    -------
+    Results
+        Tables in memory; responses and states are read on demand.
+
+    Raises
+    ------
+    ResultsError
+        If the file is missing, is no results file or has another format version.
+
+    Examples
+    --------
+    >>> results = read_results("data/laptop/results.h5")
+    >>> results.densities
+    (0.001, 0.04, 0.1)
+    >>> eta = results.response("eta", mu_iso=0.04)
+    >>> eta.values.shape == (len(eta.strain), len(results.points))
+    True
+    >>> round(float(eta.mean[-1]), 2)
+    0.64
+    """
+    if isinstance(path, Results):
+        return path
+    path = Path(path)
+    with open_hdf5(path, ResultsError, "results file") as file:
+        try:
+            return _read(path, file)
+        except (OSError, KeyError) as error:
+            raise ResultsError(f"{path}: not a readable results file ({str(error).splitlines()[0]})") from error
+
+
+def _read(path: Path, file: h5py.File) -> Results:
+    attrs = _plain(file.attrs)
+    if attrs.get("format") != FORMAT or attrs.get("format_version") != FORMAT_VERSION:
+        raise ResultsError(
+            f"{path}: format {attrs.get('format')!r} version {attrs.get('format_version')!r}, "
+            f"want {FORMAT!r} version {FORMAT_VERSION}"
+        )
+    for name in ("versions", "settings"):
+        attrs[name] = json.loads(attrs.get(name, "{}"))
+    inputs = {k: json.loads(v) if k != "source" else v for k, v in _plain(file["inputs"].attrs).items()}
+    return Results(
+        path=path,
+        attrs=attrs,
+        strain=file["strain"][()],
+        densities=tuple(file["densities"][()].tolist()),
+        families=tuple(file["families"]),
+        points=_points(file["points"]),
+        runs=_frame(file["runs"]).rename(columns=RENAMED_RUN_COLUMNS),
+        pairs=file["inputs/pairs"][()],
+        inputs=inputs | {"points": _plain(file["points"].attrs)},
+        diameters=file["grading/diameter"][()],
+        grading=_plain(file["grading"].attrs),
+    )
+
+
+def _points(group: h5py.Group) -> RepresentativePoints:
+    x = np.column_stack([group["mu_s"][()], group["G_p"][()]])
+    return RepresentativePoints(x, group["probability"][()], id=group["id"][()])
+
+
+def _frame(group: h5py.Group) -> pd.DataFrame:
+    columns = {name: dataset[()] for name, dataset in group.items()}
+    order = group.attrs.get("columns")
+    names = list(columns) if order is None else [str(name) for name in order]
+    text = {n: [v.decode() for v in columns[n]] if columns[n].dtype.kind in "OS" else columns[n] for n in names}
+    return pd.DataFrame(text)
+
+
+def _plain(attrs: Mapping[str, Any]) -> dict[str, Any]:
+    return {k: v.item() if isinstance(v, np.generic) else v for k, v in attrs.items()}

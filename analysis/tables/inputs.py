@@ -1,0 +1,40 @@
+"""Tables of the fitted marginals and copulas and of the representative points."""
+
+from __future__ import annotations
+
+import math
+
+import pandas as pd
+
+from ..quantities import QUANTITIES, parameter
+from ..results.reader import Results
+
+
+def marginals(results: Results) -> pd.DataFrame:
+    """One row per property and family, best first: parameters with standard errors, AIC, BIC, test statistics."""
+    rows = []
+    for symbol, fits in results.inputs["marginals"].items():
+        for rank, fit in enumerate(fits, start=1):
+            errors = fit.get("se") or {}
+            params = "; ".join(parameter(symbol, k, v, errors.get(k, math.nan)) for k, v in fit["params"].items())
+            rest = {k: v for k, v in fit.items() if k not in ("family", "params", "se")}
+            rows.append({"property": symbol, "rank": rank, "family": fit["family"], "parameters": params} | rest)
+    return pd.DataFrame(rows)
+
+
+def copulas(results: Results) -> pd.DataFrame:
+    """One row per copula family, best first: parameters with standard errors, pseudo-AIC, test of fit."""
+    rows = []
+    for rank, fit in enumerate(results.inputs["copulas"], start=1):
+        errors = fit.get("se") or [math.nan] * len(fit["parameters"])
+        names = fit.get("names") or [f"parameter {k + 1}" for k in range(len(fit["parameters"]))]
+        params = "; ".join(f"{n} = {v:.5g} ± {e:.2g}" for n, v, e in zip(names, fit["parameters"], errors, strict=True))
+        rest = {k: v for k, v in fit.items() if k not in ("family", "parameters", "names", "se", "interval")}
+        rows.append({"rank": rank, "family": fit["family"], "parameters": params} | rest)
+    return pd.DataFrame(rows)
+
+
+def points(results: Results) -> pd.DataFrame:
+    """The representative points with their probabilities, G_p in GPa."""
+    frame = results.points.to_frame()
+    return frame.assign(G_p=frame["G_p"] * QUANTITIES["G_p"].shown_factor).rename(columns={"G_p": "G_p_GPa"})

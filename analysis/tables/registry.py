@@ -1,0 +1,144 @@
+"""All tables of a campaign: computed once from the results, then written and shown.
+
+    frames = evaluate(results)
+    write_tables(frames, folder)
+    write_report(results, frames, folder)
+
+Numbers are in the units that a person reads; every average uses the points' probabilities.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import pandas as pd
+
+from ..files import atomic_write
+from ..results.reader import Results, read_results
+from .claims import claims_table
+from .friction import density_differences, friction_curves, friction_table
+from .friction_angles import friction_angle_table
+from .inputs import copulas, marginals, points
+from .moment_bands import input_bands, moment_bands
+from .monte_carlo import monte_carlo_along, monte_carlo_check
+from .other_runs import beyond, fidelity
+from .published import beside_published
+from .run_quality import (
+    critical_drift,
+    losses,
+    noise,
+    packing_collapse,
+    packing_design,
+    pdf_widths,
+    probe_checks,
+    proofs,
+    run_counts,
+    runs,
+)
+from .states import initial_state, peak_critical, responses_moments
+from .stopping_replay import stopping_replay
+from .variance_sources import variance_sources
+
+Table = Callable[[Results], pd.DataFrame]
+
+#: Name of the CSV file without its ending -> function of the open results that returns the frame.
+TABLES: dict[str, Table] = {
+    "marginals": marginals,
+    "copulas": copulas,
+    "points": points,
+    "initial_state": initial_state,
+    "responses_moments": responses_moments,
+    "peak_critical": peak_critical,
+    "claims": claims_table,
+    "design": friction_angle_table,
+    "friction": friction_table,
+    "variance_sources": variance_sources,
+    "monte_carlo": monte_carlo_check,
+    "input_bands": input_bands,
+    "monte_carlo_along_strain": monte_carlo_along,
+    "moment_bands": moment_bands,
+    "stopping_replay": stopping_replay,
+    "runs": runs,
+}
+#: Frames that only the report and the figures show.
+REPORT_TABLES: dict[str, Table] = {
+    "run_counts": run_counts,
+    "proofs": proofs,
+    "critical_drift": critical_drift,
+    "probe_checks": probe_checks,
+    "packing_design": packing_design,
+    "packing_collapse": packing_collapse,
+    "noise": noise,
+    "pdf_widths": pdf_widths,
+    "losses": losses,
+    "friction_curves": friction_curves,
+    "fidelity": fidelity,
+    "beyond": beyond,
+}
+
+
+def evaluate(results: str | Path | Results) -> dict[str, pd.DataFrame]:
+    """Compute every table of a campaign once.
+
+    Parameters
+    ----------
+    results : str, Path or Results
+        results.h5, or results that are already open.
+
+    Returns
+    -------
+    dict of str to pandas.DataFrame
+        Table name -> frame, in the units that a person reads.
+
+    Raises
+    ------
+    ResultsError
+        If the file cannot be used.
+
+    Examples
+    --------
+    >>> frames = evaluate("data/default/results.h5")
+    >>> frames["points"].columns.tolist()
+    ['id', 'mu_s', 'G_p_GPa', 'probability']
+    >>> frames["peak_critical"]["quantity"].isin(["eta", "G_0"]).any()
+    np.True_
+    """
+    results = read_results(results)
+    frames = {name: table(results) for name, table in (TABLES | REPORT_TABLES).items()}
+    frames["published_shear"] = beside_published(frames["friction"])
+    frames["density_differences"] = density_differences(frames["friction"])
+    return frames
+
+
+def write_tables(frames: Mapping[str, pd.DataFrame], folder: str | Path) -> list[Path]:
+    """Write the tables as CSV files.
+
+    Parameters
+    ----------
+    frames : mapping of str to pandas.DataFrame
+        As `evaluate` returns them.
+    folder : str or Path
+        The files are <folder>/tables/<name>.csv.
+
+    Returns
+    -------
+    list of Path
+        The files written; each is written whole or not at all.
+
+    Examples
+    --------
+    >>> import tempfile, pandas as pd
+    >>> paths = write_tables({"points": pd.DataFrame({"id": [0], "mu_s": [0.25]})}, tempfile.mkdtemp())
+    >>> paths[0].read_text()
+    'id,mu_s\\n0,0.25\\n'
+    """
+    target = Path(folder) / "tables"
+    target.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for name in TABLES:
+        if name in frames:
+            paths.append(target / f"{name}.csv")
+            with atomic_write(paths[-1]) as part:
+                frames[name].to_csv(part, index=False, float_format="%.6g")
+    return paths

@@ -1,0 +1,200 @@
+"""Quality of the runs: their outcome, proofs and drift, packing noise, widths of the PDFs, lost probability."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from ..pdem import weighted
+from ..quantities import QUANTITIES
+from ..results import replicates
+from ..results.reader import Results
+from ..runs.states import OFF, PUSHED
+from .columns import named
+from .packing_noise import common_error, packing_scatter
+
+#: Proof of a shear run -> words, and the limit beyond which a run fails (those of yade_scripts/proofs.py; NaN: none).
+PROOFS = {
+    "max_inertial_number": ("largest inertial number", 2.5e-3),
+    "servo_mean_error": ("mean error of the confining stress", 0.01),
+    "servo_max_error": ("largest error of the confining stress", 0.05),
+    "energy_error": ("energy balance error, as far as energies were summed", 0.10),
+    "F_unb": ("unbalanced force", float("nan")),
+}
+#: Quantities whose packing noise and PDF width are tabled.
+SHOWN = ("eta", "e", "Z", "Phi_dev")
+
+
+def runs(results: Results) -> pd.DataFrame:
+    """One row per run of the plan: its outcome, its cost and its proofs, and whether its packing collapsed."""
+    return results.runs.assign(collapsed=collapsed_runs(results))
+
+
+def collapsed_runs(results: Results) -> np.ndarray:
+    """Which of `results.runs` (R,) are probes and shear runs that start from a collapsed packing.
+
+    A packing collapses where its grains take on less friction than it was consolidated with: it loses contacts and
+    becomes denser.  No limit of equilibrium is broken on the way, but the density that results depends on the grains'
+    inertia too (data/benchmarks/stability.csv, cells whose mu_s is below mu_iso).
+    """
+    table, mu_s = results.runs, np.full(len(results.runs), np.inf)
+    for family in results.families:
+        points = results.family_points(family)
+        of_family = (table["family"] == family).to_numpy() & (table["stage"] != "consolidate").to_numpy()
+        mu_s[of_family] = table["point"][of_family].map(pd.Series(points.mu_s, index=points.id))
+    return mu_s < table["mu_iso"].to_numpy(float)
+
+
+def packing_collapse(results: Results) -> pd.DataFrame:
+    """Per density: the largest share of its void ratio that a point's packing loses between consolidation and shear."""
+    rows = []
+    for mu_iso in results.family_densities():
+        values, probability = results.consolidated("e", mu_iso)
+        if len(values):
+            least = np.nanmin(results.state("initial", "e", mu_iso))
+            rows.append((mu_iso, 1 - least / (values @ probability)))
+    return pd.DataFrame(rows, columns=["mu_iso", "largest_loss_of_e"])
+
+
+def run_counts(results: Results) -> pd.DataFrame:
+    """One row per stage and family, and a total: runs planned, done, failed, spared, ended as steady; core-hours."""
+    table = results.runs
+    parts = [(stage, family, part) for (stage, family), part in table.groupby(["stage", "family"], sort=False)]
+    rows = []
+    for stage, family, part in [*parts, ("all", "", table)]:
+        counts = {word: int((part["status"] == word).sum()) for word in ("done", "failed", "spared")}
+        rows.append(
+            {"stage": stage, "family": family, "planned": len(part), **counts,
+             "steady_early": int((part["reason"] == "steady").sum()),
+             "core_hours": part["cpu_seconds"].sum() / 3600, "mean_steps": part["steps"].mean()}
+        )  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def proofs(results: Results) -> pd.DataFrame:
+    """Median and largest value of every proof over the shear runs that have it, and the limit of that proof."""
+    shear = _done(results, "shear")
+    rows = []
+    for name, (words, limit) in PROOFS.items():
+        values = shear[name].abs().dropna()
+        if len(values):
+            rows.append((words, values.median(), values.max(), limit, shear.loc[values.idxmax(), "run_id"]))
+    return pd.DataFrame(rows, columns=["proof", "median", "largest", "limit", "run_of_the_largest"])
+
+
+def critical_drift(results: Results) -> pd.DataFrame:
+    """Mean drift of eta and e over the critical part, per density, in %, with its standard error.
+
+    `between_packings`: the mean over the points that all packings serve, with the error between packings; otherwise
+    the mean over all runs, with its error as if runs of one packing were independent.
+    """
+    names = ["critical_drift_eta", "critical_drift_e"]
+    shear, rows = _done(results, "shear"), []
+    for mu_iso, table in shear[shear["family"] == "coupled"].groupby("mu_iso"):
+        known = table[["packing", "point", *names]].dropna()
+        packing, drift = known["packing"], known[names]
+        served = known.groupby("point")["packing"].transform("nunique") == packing.nunique()
+        between_packings = packing.nunique() > 1 and bool(served.any())
+        if between_packings:
+            drift = drift[served].groupby(packing[served]).mean()
+        if len(drift) > 1:
+            mean, error = 100 * drift.mean(), 100 * drift.std() / np.sqrt(len(drift))
+            rows.append((mu_iso, between_packings, mean.iloc[0], error.iloc[0], mean.iloc[1], error.iloc[1]))
+    columns = ["mu_iso", "between_packings", "drift_eta_pct", "error_eta_pct", "drift_e_pct", "error_e_pct"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def probe_checks(results: Results) -> pd.DataFrame:
+    """One row: probes, those checked against the static solve of their network, and those that it replaces.
+
+    `pushed_limit`: share of contacts near the Coulomb limit above which a probe is checked; `difference_limit`:
+    relative difference of G_0 above which the network's value is used; `largest_difference` of those checked.
+    """
+    probes = _done(results, "probe")
+    differences = probes["probe_off"].dropna().abs()
+    return pd.DataFrame([{
+        "probes": len(probes),
+        "checked": len(differences),
+        "pushed_limit": PUSHED,
+        "replaced": int((differences > OFF).sum()),
+        "difference_limit": OFF,
+        "largest_difference": differences.max(),
+    }])  # fmt: skip
+
+
+def packing_design(results: Results) -> pd.DataFrame:
+    """One row: what is known of the noise that all points of a density share through their packing.
+
+    `compared`: whether replicate packings measure it; `packings` and `points` that are compared, the least of any
+    density; `levelled`: whether the offset of the first packing is removed.
+    """
+    _, freedom = common_error(results, "critical", "eta")
+    if not np.isfinite(freedom) or freedom == 0:
+        return pd.DataFrame([{"compared": False, "packings": 1, "points": 0, "levelled": False}])
+    sets = [results.state_replicates("critical", "eta", mu_iso) for mu_iso in results.family_densities()]
+    packings, points = np.min([replicates.compared(values).shape for values in sets if values is not None], axis=0)
+    return pd.DataFrame([{"compared": True, "packings": int(packings), "points": int(points),
+                          "levelled": bool(points >= replicates.FEWEST)}])  # fmt: skip
+
+
+def noise(results: Results, symbols: Sequence[str] = SHOWN) -> pd.DataFrame:
+    """Per density and quantity at the critical state: the spread of the points beside the noise of one run.
+
+    `run_error`: standard error of one run's average, from block averages within the run (over the root of their number
+    where several packings serve a point).  `between_packings`: standard deviation between replicate packings at the
+    same point, NaN without any.  `common`: the error that all points of a density may share.  In displayed units.
+    """
+    rows = []
+    for k, mu_iso in enumerate(results.family_densities()):
+        probability = results.probability(mu_iso)
+        for symbol in symbols:
+            factor = QUANTITIES[symbol].shown_factor
+            spread = float(weighted.std(results.state("critical", symbol, mu_iso), probability))
+            error = results.state_error("critical", symbol, mu_iso)
+            run_error = np.nan if error is None else float(weighted.mean(error**2, probability)) ** 0.5
+            rows.append({
+                "mu_iso": mu_iso,
+                **named(symbol),
+                "sd_of_points": factor * spread,
+                "run_error": factor * run_error,
+                "noise_variance_share": (run_error / spread) ** 2 if spread else np.nan,
+                "between_packings": factor * packing_scatter(results, "critical", symbol, mu_iso),
+                "common": factor * common_error(results, "critical", symbol)[0][k],
+            })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def pdf_widths(results: Results, symbols: Sequence[str] = SHOWN) -> pd.DataFrame:
+    """Kernel width of the PDFs beside the points' standard deviation and spacing, at the last strain."""
+    rows = []
+    for mu_iso in results.family_densities():
+        for symbol in symbols:
+            response = results.response(symbol, mu_iso)
+            pdf, factor = response.pdf, QUANTITIES[symbol].shown_factor
+            rows.append({
+                "mu_iso": mu_iso,
+                **named(symbol),
+                "sd_of_points": factor * float(response.std[-1]),
+                "kernel_width": factor * float(pdf.shown_width[-1]),
+                "spacing_of_points": factor * float(pdf.spacing[-1]),
+                "method": pdf.method,
+            })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def losses(results: Results) -> pd.DataFrame:
+    """Per family and density: shear runs planned, done, failed, continued as steady, and the lost probability."""
+    rows = []
+    for family in results.families:
+        for mu_iso in results.family_densities(family):
+            counts = results.counts(mu_iso, family)
+            numbers = {name: counts[name] for name in ("planned", "done", "failed", "extended", "lost_probability")}
+            rows.append({"family": family, "mu_iso": mu_iso, **numbers})
+    return pd.DataFrame(rows)
+
+
+def _done(results: Results, stage: str) -> pd.DataFrame:
+    table = results.runs
+    return table[(table["stage"] == stage) & (table["status"] == "done")]

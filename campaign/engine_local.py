@@ -1,0 +1,173 @@
+"""The local engine: one yade-batch per stage over exactly the missing rows; the products decide what is done."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from campaign.config import ROOT, Config, jobs
+from campaign.folder import RunError, folder_lock, is_locked, write_failure
+from campaign.plan import STAGES, PlannedRun, script, table_line, table_path
+from campaign.products import RunStatus, clear_the_way, run_statuses, set_aside, write_blocked
+from campaign.progress import Progress, bar, span
+from campaign.run_one import FREE_BYTES, die_with_parent, run_environment
+
+#: Disk space that a product needs per grain, bytes: a snapshot takes about 600, and a product has about six.
+BYTES_PER_GRAIN = 4000
+
+
+def run_missing(
+    config: Config,
+    folder: Path,
+    rows: Sequence[PlannedRun],
+    *,
+    again: bool = False,
+    quiet: bool = False,
+    spared: frozenset[str] = frozenset(),
+) -> int:
+    """Run every row without a product except the spared ones, with `again` also failed ones; return the number added.
+
+    quiet: show no progress. Raises RunError if another `run` works in the folder, if YADE is missing, if yade-batch
+    fails, or if the disk is too full for the missing runs.
+    """
+    with folder_lock(folder):
+        statuses, missing = clear_the_way(folder, rows, again=again, spared=spared)
+        if not missing:
+            return 0
+        _check_machine(folder, missing, config)
+        _remove_leftovers(folder)
+        watch = _Watch(rows, statuses, config, quiet)
+        _run_batches(config, folder, rows, missing, watch)
+        watch.progress.end()
+        statuses = run_statuses(folder, rows)
+        write_blocked(folder, statuses)
+        return sum(statuses[row.run_id].status == "done" for row in missing)
+
+
+def fail_refused(folder: Path, statuses: dict[str, RunStatus], stage: str) -> None:
+    """Turn the refused products of a stage that has just run into failures, so that they are not repeated for ever."""
+    for run_id, status in statuses.items():
+        if status.status == "refused" and run_id.startswith(stage):
+            set_aside(folder, [run_id])
+            write_failure(folder / "products", run_id, f"its product {status.reason}", log=f"logs/{run_id}.log")
+
+
+def _check_machine(folder: Path, missing: Sequence[PlannedRun], config: Config) -> None:
+    """Raise RunError if YADE is missing, the disk is too full, or yade-batch cannot use the paths."""
+    batch = os.environ.get("CAMPAIGN_YADE_BATCH", "yade-batch")
+    for program in (batch, os.environ.get("CAMPAIGN_YADE", "yade")):
+        if shutil.which(program) is None:
+            raise RunError(f"{program}: no such program; `make setup` installs YADE")
+    need = len(missing) * config.assembly.N * BYTES_PER_GRAIN + FREE_BYTES
+    free = shutil.disk_usage(folder).free
+    if free < need:
+        raise RunError(f"{folder}: {free >> 20} MiB free, the missing runs need about {need >> 20} MiB")
+    if re.search(r"[^\w./+-]", script(folder, "shear") + sys.executable):
+        raise RunError(f"{folder}: yade-batch needs paths without spaces or special characters")
+
+
+def _remove_leftovers(folder: Path) -> None:
+    """Remove the temporary files of killed runs, except those of runs that are at work (by hand or in SLURM)."""
+    for path in [*(folder / "products").glob(".*.part"), *(folder / "products").glob(".*.lock")]:
+        run_id = path.name[1:].split(".h5")[0].removesuffix(".lock")
+        if not is_locked(path.with_name(f".{run_id}.lock")):
+            path.unlink(missing_ok=True)
+
+
+def _run_batches(
+    config: Config, folder: Path, rows: Sequence[PlannedRun], missing: Sequence[PlannedRun], watch: _Watch
+) -> None:
+    """Start one yade-batch per stage over the stage's missing rows, all stages at once, and wait for them.
+
+    A run waits until the product that it starts from is there and until one of the places for runs at once is free (see
+    `campaign.run_one`). So no core waits for the last run of a stage.
+    """
+    read_end, write_end = os.pipe()  # every run watches the read end: it becomes readable when this process ends
+    with contextlib.ExitStack() as stack:
+        for end in (read_end, write_end):
+            stack.callback(os.close, end)
+        batches, missing_ids = {}, {row.run_id for row in missing}
+        for stage in STAGES:
+            _ended(folder, stage).unlink(missing_ok=True)
+            lines = [k for k, row in enumerate(r for r in rows if r.stage == stage) if row.run_id in missing_ids]
+            if not lines:
+                _ended(folder, stage).touch()
+                continue
+            batches[stage] = _start_batch(config, folder, stage, lines, read_end)
+            stack.callback(batches[stage].terminate)
+        while batches:
+            watch.show_progress(folder)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                next(iter(batches.values())).wait(timeout=0.5)
+            for stage in [s for s, batch in batches.items() if batch.poll() is not None]:
+                code = batches.pop(stage).returncode
+                if code:
+                    raise RunError(f"{folder}: yade-batch ended with status {code}; see logs/batch_{stage}.log")
+                fail_refused(folder, run_statuses(folder, rows), stage)
+                _ended(folder, stage).touch()
+        watch.show_progress(folder)
+
+
+def _ended(folder: Path, stage: str) -> Path:
+    """The file whose existence shows to waiting runs that no further product will come from this stage."""
+    return folder / "batch" / f"ended_{stage}"
+
+
+def _start_batch(config: Config, folder: Path, stage: str, rows: list[int], pipe: int) -> subprocess.Popen:
+    """Start yade-batch over the rows of a stage's table at these positions (from 0)."""
+    limits, places = config.run, jobs(config)
+    env = run_environment() | {
+        "CAMPAIGN_CPU_LIMIT": repr(limits.cpu_limit), "CAMPAIGN_HANG_MINUTES": repr(limits.hang_minutes),
+        "CAMPAIGN_RETRY": str(int(config.failures.retry)), "CAMPAIGN_JOBS": str(places), "CAMPAIGN_FRONT": str(pipe),
+    }  # fmt: skip
+    env["PYTHONPATH"] = os.pathsep.join([env["PYTHONPATH"], os.path.relpath(ROOT, folder)])
+    env.pop("OMP_NUM_THREADS")  # yade-batch takes it for the number of jobs
+    command = [
+        os.environ.get("CAMPAIGN_YADE_BATCH", "yade-batch"), "--jobs", str(places + 1), "--job-threads", "1",
+        "--lines", ",".join(str(table_line(k)) for k in rows), "--log", "logs/@.log", "--plot-update", "0",
+        "--disable-pynotify", "--executable", f"{sys.executable} -m campaign.run_one", str(table_path(Path(), stage)),
+        script(folder, stage),
+    ]  # fmt: skip
+    with open(folder / "logs" / f"batch_{stage}.log", "w") as log:
+        return subprocess.Popen(command, cwd=folder, env=env, stdin=subprocess.DEVNULL, stdout=log, stderr=log,
+                                preexec_fn=_in_child, pass_fds=[pipe])  # fmt: skip
+
+
+def _in_child() -> None:
+    """In yade-batch before it starts: end with this process, and go on when the terminal is closed."""
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    die_with_parent()
+
+
+class _Watch:
+    """Counts products as they appear and estimates the time to go from the pace of the runs so far."""
+
+    def __init__(self, rows: Sequence[PlannedRun], statuses: dict[str, RunStatus], config: Config, quiet: bool):
+        rows = [row for row in rows if statuses[row.run_id].status != "spared"]
+        self.total = len(rows)
+        self.before = sum(status.status == "done" for status in statuses.values())
+        self.cost = {row.run_id: row.cpu_seconds for row in rows if statuses[row.run_id].status != "done"}
+        self.began, self.progress = time.monotonic(), Progress(quiet)
+
+    def show_progress(self, folder: Path) -> None:
+        """Show the runs that are done, running and failed, the time so far and the time to go."""
+        names = os.listdir(folder / "products")
+        done = [n[:-3] for n in names if n.endswith(".h5") and n[:-3] in self.cost]
+        failed = [n for n in names if n.endswith(".failed.json") and n.removesuffix(".failed.json") in self.cost]
+        running = sum(n.endswith(".lock") for n in names)
+        seconds = time.monotonic() - self.began
+        share = sum(self.cost[run_id] for run_id in done) / sum(self.cost.values())
+        text = f"{bar(self.before + len(done), self.total)} · {running} running"
+        text += f" · {len(failed)} failed" if failed else ""
+        text += f" · {span(seconds)} so far"
+        if done:
+            text += f" · about {span(seconds * (1 - share) / share)} to go"
+        self.progress.show(text)

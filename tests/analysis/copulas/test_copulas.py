@@ -1,0 +1,284 @@
+"""Copulas against extended precision, calculus and their own symmetries."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from copula_cases import CASES, U, V
+from paths import PAIRS_FILE
+from scipy import special, stats
+
+from analysis import copulas
+from analysis.copulas import Copula, CopulaError, elliptical
+from analysis.copulas.multivariate import GaussianCopula, fit_gaussian
+from analysis.inputs.pairs import read_pairs
+
+PAIRS = read_pairs(PAIRS_FILE)
+
+
+@pytest.fixture(params=CASES, ids=lambda case: f"{case[0]}{case[1]}")
+def copula(request):
+    return Copula(*request.param)
+
+
+def inside(count=400, seed=1):
+    return np.random.default_rng(seed).uniform(0.02, 0.98, (2, count))
+
+
+def test_the_conditional_is_the_slope_of_the_distribution(copula):
+    u, v = inside()
+    h = 1e-4
+    points = [copula.cdf(u + k * h, v) for k in (-2, -1, 1, 2)]
+    slope = (points[0] - 8 * points[1] + 8 * points[2] - points[3]) / (12 * h)
+    assert copula.conditional(u, v) == pytest.approx(slope, abs=1e-8)
+
+
+def test_the_pdf_is_the_slope_of_the_conditional(copula):
+    u, v = inside(seed=2)
+    h = 1e-4
+    points = [copula.conditional(u, v + k * h) for k in (-2, -1, 1, 2)]
+    slope = (points[0] - 8 * points[1] + 8 * points[2] - points[3]) / (12 * h)
+    assert copula.pdf(u, v) == pytest.approx(slope, rel=1e-4, abs=1e-8)
+
+
+def test_the_distribution_has_uniform_margins_and_bounds(copula):
+    u, v = inside(seed=3)
+    assert copula.cdf(u, np.ones_like(u)) == pytest.approx(u, abs=1e-12)
+    assert copula.cdf(np.ones_like(v), v) == pytest.approx(v, abs=1e-12)
+    assert copula.cdf(u, np.zeros_like(u)) == pytest.approx(0.0, abs=1e-12)
+    value = copula.cdf(U, V)
+    assert np.all(value >= np.maximum(U + V - 1.0, 0.0) - 1e-12)
+    assert np.all(value <= np.minimum(U, V) + 1e-12)
+
+
+def test_inverse_undoes_conditional_into_the_corners(copula):
+    v = copula.inverse(U, V)
+    rounding = 4.0 * copula.pdf(U, v) * np.spacing(v)
+    assert np.all(np.abs(copula.conditional(U, v) - V) < 1e-8 + rounding)
+    assert np.all(np.isfinite(copula.logpdf(U, V)))
+
+
+def test_samples_have_the_closed_form_tau(copula):
+    sample = copula.sample(6000, np.random.default_rng(7))
+    assert sample.min() > 0.0 and sample.max() < 1.0
+    assert stats.kendalltau(*sample.T)[0] == pytest.approx(copula.tau, abs=0.03)
+    assert stats.kstest(copula.rosenblatt(sample)[:, 1], "uniform").pvalue > 1e-3
+
+
+def test_tau_is_the_integral_of_the_conditionals(copula):
+    t, w = np.polynomial.legendre.leggauss(60)
+    edges = special.ndtr(np.linspace(-6, 6, 13))
+    u = (0.5 * np.diff(edges)[:, None] * (t + 1) + edges[:-1, None]).ravel()
+    w = (0.5 * np.diff(edges)[:, None] * w).ravel()
+    a, b = np.meshgrid(u, u, indexing="ij")
+    base = Copula(copula.family.rstrip("0123456789"), copula.parameters)
+    du = base.conditional(a, b)
+    tau = 1.0 - 4.0 * np.sum(np.outer(w, w) * du * du.T)
+    assert abs(copula.tau) == pytest.approx(abs(tau), abs=1e-5)
+
+
+def naive(family: str, u, v, theta):
+    """Textbook log PDF, distribution and conditional in extended precision, without any care for the corners."""
+    u, v, theta = np.longdouble(u), np.longdouble(v), np.longdouble(theta)
+    one = np.longdouble(1)
+    if family == "frank":
+        g = np.expm1(-theta)
+        a, b = np.expm1(-theta * u), np.expm1(-theta * v)
+        pdf = -theta * g * np.exp(-theta * (u + v)) / (g + a * b) ** 2
+        return np.log(pdf), -np.log1p(a * b / g) / theta, np.exp(-theta * u) * b / (g + a * b)
+    if family == "plackett":
+        eta = theta - 1
+        s = 1 + eta * (u + v)
+        r2 = s * s - 4 * u * v * theta * eta
+        logpdf = np.log(theta * (1 + eta * (u + v - 2 * u * v))) - 1.5 * np.log(r2)
+        return logpdf, (s - np.sqrt(r2)) / (2 * eta), 0.5 - (1 + eta * u - (theta + 1) * v) / (2 * np.sqrt(r2))
+    if family == "clayton":
+        s = u**-theta + v**-theta - 1
+        logpdf = np.log1p(theta) - (1 + theta) * (np.log(u) + np.log(v)) - (2 + 1 / theta) * np.log(s)
+        return logpdf, s ** (-1 / theta), u ** (-theta - 1) * s ** (-1 / theta - 1)
+    if family == "gumbel":
+        x, y = -np.log(u), -np.log(v)
+        t = (x**theta + y**theta) ** (1 / theta)
+        logpdf = x + y - t + (theta - 1) * np.log(x * y) + (1 - 2 * theta) * np.log(t) + np.log(t + theta - 1)
+        return logpdf, np.exp(-t), np.exp(x - t) * (x / t) ** (theta - 1)
+    a, b = (one - u) ** theta, (one - v) ** theta
+    s = a + b - a * b
+    logpdf = (1 / theta - 2) * np.log(s) + (theta - 1) * np.log((one - u) * (one - v)) + np.log(theta - 1 + s)
+    return logpdf, 1 - s ** (1 / theta), s ** (1 / theta - 1) * (one - u) ** (theta - 1) * (1 - b)
+
+
+@pytest.mark.skipif(np.finfo(np.longdouble).eps > 1e-18, reason="needs 80-bit long doubles")
+@pytest.mark.parametrize(
+    ("family", "theta"),
+    [("frank", -5.4), ("frank", 12.0), ("plackett", 0.09), ("plackett", 7.0)]
+    + [("clayton", 2.0), ("gumbel", 1.7), ("gumbel", 5.0), ("joe", 2.3), ("joe", 6.0)],
+)
+def test_closed_forms_hold_to_1e_8_in_the_corners(family, theta):
+    with np.errstate(over="ignore"):
+        logpdf, cdf, conditional = (np.asarray(value, dtype=float) for value in naive(family, U, V, theta))
+    copula = Copula(family, (theta,))
+    sound = np.isfinite(logpdf)
+    assert sound.mean() > 0.9
+    assert copula.logpdf(U, V)[sound] == pytest.approx(logpdf[sound], abs=1e-8)
+    assert copula.cdf(U, V) == pytest.approx(cdf, abs=1e-10)
+    assert copula.conditional(U, V) == pytest.approx(conditional, abs=1e-8)
+
+
+def test_the_gaussian_distribution_meets_owens_t():
+    off_centre = (U != 0.5) | (V != 0.5)
+    u, v = U[off_centre], V[off_centre]
+    x, y = special.ndtri(u), special.ndtri(v)
+    for rho in (-0.738, 0.3, 0.95):
+        a, b = ((s - rho * t) / (t * np.sqrt(1 - rho**2)) for s, t in ((y, x + 1e-300), (x, y + 1e-300)))
+        lower = np.where((x * y > 0) | ((x * y == 0) & (x + y >= 0)), 0.0, 0.5)
+        exact = 0.5 * (u + v) - special.owens_t(x, a) - special.owens_t(y, b) - lower
+        assert Copula("gaussian", (rho,)).cdf(u, v) == pytest.approx(exact, abs=1e-13)
+        assert Copula("gaussian", (rho,)).cdf(0.5, 0.5) == pytest.approx(0.25 + np.arcsin(rho) / (2 * np.pi), abs=1e-14)
+
+
+def test_student_scores_are_quantiles_far_into_the_tail():
+    tail = np.concatenate([10.0 ** -np.linspace(0.31, 100, 500), np.linspace(0.01, 0.5, 99)])
+    for nu in (1.0, 2.5, 6.05, 40.0, 201.0):
+        score = elliptical.student_score(tail, 1.0 - tail, nu)
+        assert special.stdtr(nu, score) / tail == pytest.approx(np.ones(599), abs=1e-9)
+        assert elliptical.student_score(1.0 - tail, tail, nu) == pytest.approx(-score, rel=1e-12, abs=1e-14)
+
+
+@pytest.mark.parametrize("family", ["gaussian", "frank", "plackett", "clayton90", "gumbel270", "joe90", "student"])
+def test_the_fit_finds_its_parameter(family):
+    truth = dict(CASES).get(family) or {"clayton90": (2.0,), "gumbel270": (1.7,), "joe90": (2.3,)}[family]
+    sample = Copula(family, truth).sample(4000, np.random.default_rng(11))
+    fit = copulas.fit(*sample.T, family)
+    assert abs(fit.parameters[0] - truth[0]) < 3.5 * fit.se[0]
+    low, high = fit.interval[0]
+    assert low < fit.parameters[0] < high
+    u, v = (copulas.pseudo_observations(column) for column in sample.T)
+    for shift in (-1e-3, 1e-3):
+        moved = Copula(family, (fit.parameters[0] * (1 + shift), *fit.parameters[1:]))
+        assert moved.logpdf(u, v).sum() < fit.loglik
+    assert fit.aic == pytest.approx(2 * len(truth) - 2 * fit.loglik)
+
+
+def test_many_fits_at_once_are_the_single_fits():
+    samples = Copula("student", (-0.6, 5.0)).sample(94 * 6, np.random.default_rng(2)).reshape(6, 94, 2)
+    u, v = (copulas.pseudo_observations(samples[..., i]) for i in (0, 1))
+    for family in ("gaussian", "student", "frank", "plackett", "clayton90", "gumbel270", "joe90"):
+        together = copulas.fit_rows(u, v, family)[:, 0]
+        alone = [copulas.fit(a, b, family).parameters[0] for a, b in zip(u, v, strict=True)]
+        assert together == pytest.approx(alone, rel=2e-3 if family == "student" else 1e-6)
+
+
+def test_property_monotone_rescaling_and_relabelling_change_nothing():
+    rng = np.random.default_rng(3)
+    for _ in range(5):
+        x, y = Copula("gaussian", (rng.uniform(-0.8, 0.8),)).sample(40, rng).T
+        a, b, order = rng.uniform(0.5, 3.0), rng.uniform(0.5, 3.0), rng.permutation(40)
+        for family in ("gaussian", "student", "frank", "plackett"):
+            fit = copulas.fit(x, y, family)
+            other = copulas.fit(np.exp(a * x)[order], (5.0 + y[order]) ** b, family)
+            assert other.parameters == pytest.approx(fit.parameters, rel=1e-6)
+            assert other.loglik == pytest.approx(fit.loglik, abs=1e-8)
+            swapped = copulas.fit(y, x, family)
+            assert swapped.parameters == pytest.approx(fit.parameters, rel=1e-5)
+
+
+def test_property_reflections_turn_the_rotations():
+    rng = np.random.default_rng(4)
+    for base in ("clayton", "gumbel", "joe"):
+        x, y = Copula(base, (2.0,)).sample(60, rng).T
+        theta = copulas.fit(x, y, base).parameters
+        assert copulas.fit(-x, y, f"{base}90").parameters == pytest.approx(theta, rel=1e-6)
+        assert copulas.fit(-x, -y, f"{base}180").parameters == pytest.approx(theta, rel=1e-6)
+        assert copulas.fit(x, -y, f"{base}270").parameters == pytest.approx(theta, rel=1e-6)
+        u, v = inside(50)
+        assert Copula(base, (2.0,)).logpdf(u, v) == pytest.approx(Copula(base, (2.0,)).logpdf(v, u), rel=1e-9)
+
+
+def test_ties_and_duplicates_get_mid_ranks():
+    assert copulas.pseudo_observations([3.0, 1.0, 3.0, 2.0]) == pytest.approx(np.array([3.5, 1.0, 3.5, 2.0]) / 5)
+    x, y = Copula("gaussian", (0.6,)).sample(50, np.random.default_rng(5)).T
+    rounded = copulas.fit(np.round(x, 1), np.round(y, 1), "gaussian")
+    twice = copulas.fit(np.tile(x, 2), np.tile(y, 2), "gaussian")
+    assert rounded.parameters[0] == pytest.approx(copulas.fit(x, y, "gaussian").parameters[0], abs=0.08)
+    assert twice.parameters[0] == pytest.approx(copulas.fit(x, y, "gaussian").parameters[0], abs=0.05)
+
+
+def test_ten_pairs_are_enough_and_say_how_little_they_know():
+    x, y = Copula("gaussian", (-0.7,)).sample(10, np.random.default_rng(6)).T
+    fits = copulas.select(x, y, n_boot=50)
+    gaussian = next(fit for fit in fits if fit.family == "gaussian")
+    assert np.diff(gaussian.interval[0])[0] > 0.3
+    assert all(np.isfinite(fit.aic) for fit in fits)
+
+
+def test_perfect_dependence_stops_at_the_edge():
+    x = np.arange(20.0)
+    assert copulas.fit(x, x, "gaussian").parameters[0] > 0.95
+    assert copulas.fit(x, -x, "frank").parameters[0] < -20
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "family", "words"),
+    [
+        (np.arange(9.0), -np.arange(9.0), "clayton", "turn it by 90 or 270 degrees"),
+        (np.arange(9.0), np.arange(9.0), "joe90", "turn it by 0 or 180 degrees"),
+        (np.ones(9), np.arange(9.0), "gaussian", "one column is constant"),
+        (np.array([1.0, np.nan, 3, 4, 5]), np.arange(5.0), "frank", "not finite"),
+        (np.array([1.0, np.inf, 3, 4, 5]), np.arange(5.0), "frank", "not finite"),
+        (np.arange(4.0), np.arange(4.0), "gaussian", "at least 5"),
+        (np.arange(9.0), np.arange(8.0), "gaussian", "same length"),
+        (np.arange(9.0), np.arange(9.0), "normal", "unknown copula family 'normal'"),
+    ],
+)
+def test_what_cannot_be_fitted_is_refused(x, y, family, words):
+    with pytest.raises(CopulaError, match=words):
+        copulas.fit(x, y, family)
+
+
+def test_parameters_and_probabilities_are_checked():
+    with pytest.raises(CopulaError, match="rho = 1.2 is outside"):
+        Copula("gaussian", (1.2,))
+    with pytest.raises(CopulaError, match="expected 2 parameters"):
+        Copula("student", (0.5,))
+    with pytest.raises(CopulaError, match="probabilities"):
+        Copula("gaussian", (0.5,)).cdf(1.5, 0.5)
+
+
+def test_table_2_comes_back_from_the_reconstructed_pairs():
+    fits = copulas.select(*PAIRS.T, n_boot=200)
+    best, note = copulas.choose(fits)
+    table = {fit.family: fit for fit in fits}
+    assert best.family == min(fits, key=lambda fit: fit.aic).family == "gaussian"
+    assert best.accepted and "smallest pseudo-AIC" in note
+    assert best.parameters[0] == pytest.approx(-0.738, rel=0.01)
+    assert table["student"].parameters[0] == pytest.approx(-0.722, rel=0.01)
+    assert table["student"].aic - best.aic == pytest.approx(1.31, abs=0.5)
+    assert not table["independence"].accepted
+    assert {"clayton90", "gumbel270"} < set(table) and "clayton" not in table
+
+
+def test_when_nothing_is_accepted_the_choice_says_so():
+    fits = copulas.select(*PAIRS.T, families=("independence",), n_boot=100)
+    assert "rejects all 1 families" in copulas.choose(fits)[1]
+
+
+def test_fits_and_copulas_survive_json():
+    for fit in copulas.select(*PAIRS.T, families=copulas.PAPER_FAMILIES, n_boot=20):
+        assert copulas.CopulaFit.from_dict(json.loads(json.dumps(fit.to_dict()))) == fit
+        assert Copula.from_dict(json.loads(json.dumps(fit.copula.to_dict()))) == fit.copula
+
+
+def test_the_gaussian_copula_of_three_variables_contains_that_of_two():
+    matrix = ((1.0, -0.7, 0.2), (-0.7, 1.0, 0.1), (0.2, 0.1, 1.0))
+    three, two = GaussianCopula(matrix), Copula("gaussian", (-0.7,))
+    u = np.random.default_rng(8).random((7, 3))
+    assert three.rosenblatt(u)[:, :2] == pytest.approx(two.rosenblatt(u[:, :2]), abs=1e-12)
+    assert three.inverse_rosenblatt(three.rosenblatt(u)) == pytest.approx(u, abs=1e-12)
+    flat = GaussianCopula(tuple(row[:2] for row in matrix[:2]))
+    assert flat.logpdf(u[:, :2]) == pytest.approx(two.logpdf(u[:, 0], u[:, 1]), abs=1e-12)
+    sample = three.sample(3000, np.random.default_rng(9))
+    assert np.array(fit_gaussian(sample).correlation) == pytest.approx(np.array(matrix), abs=0.05)
+    with pytest.raises(CopulaError, match="positive eigenvalues"):
+        GaussianCopula(((1.0, 0.9, -0.9), (0.9, 1.0, 0.9), (-0.9, 0.9, 1.0)))

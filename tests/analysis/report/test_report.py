@@ -1,0 +1,214 @@
+"""The report: one self-contained page whose numbers are the tables', with every figure and every warning."""
+
+from __future__ import annotations
+
+import ast
+import re
+from dataclasses import asdict, replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pandas as pd
+import pytest
+import synthetic_results as synthetic
+from paths import ROOT
+
+from analysis.figures import FIGURES
+from analysis.pdem import weighted
+from analysis.report import page, reliability, sections, setting, wording
+from analysis.results.build import build_results
+from analysis.results.reader import read_results
+from analysis.tables import evaluate, other_runs, run_quality
+from campaign.config import SECTIONS
+
+
+class Page(HTMLParser):
+    """Text, images and open tags of a page; fails on a tag closed out of order."""
+
+    def __init__(self, source):
+        super().__init__()
+        self.text, self.images, self.open = [], [], []
+        self.feed(source)
+
+    def handle_starttag(self, tag, attrs):
+        if tag == "img":
+            self.images.append(dict(attrs))
+        elif tag not in ("meta", "br"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text.append(data)
+
+
+@pytest.fixture(scope="module")
+def results():
+    return read_results(synthetic.example(noise=0.02))
+
+
+@pytest.fixture(scope="module")
+def html_page(results, tmp_path_factory):
+    """The page drawn with stand-in pictures: drawing the figures is tested elsewhere."""
+    picture = tmp_path_factory.mktemp("report") / "picture.png"
+    picture.write_bytes(b"\x89PNG\r\n")
+    content = sections.Content(results, evaluate(results), dict.fromkeys(FIGURES, picture))
+    source = page.page("Campaign x", sections.sections(content, "x"))
+    return source, Page(source)
+
+
+def test_the_page_is_whole_and_needs_no_network(html_page):
+    source, parsed = html_page
+    assert parsed.open == []
+    assert not re.search(r"(src|href)=\"(?!data:|#)", source) and "@import" not in source
+    assert 'name="viewport"' in source and "@media print" in source
+
+
+def test_every_figure_is_embedded_with_its_words(html_page):
+    _, parsed = html_page
+    assert len(parsed.images) == len(FIGURES)
+    for image, name in zip(parsed.images, FIGURES, strict=True):
+        assert image["src"].startswith("data:image/png;base64,")
+        assert image["alt"].startswith(f"Figure {int(name[3:5])}.")
+
+
+def test_every_table_can_scroll_within_itself(html_page):
+    source, _ = html_page
+    assert source.count("<table") == source.count('<div class="scroll"><table') >= 11
+
+
+def test_the_numbers_are_those_of_the_results(html_page, results):
+    text = " ".join(html_page[1].text)
+    for state in ("peak", "critical"):
+        values, weight = results.state(state, "eta", 0.001), results.probability(0.001)
+        assert f"{weighted.mean(values, weight):.3f} ± {weighted.std(values, weight):.3f}" in text
+    assert "0.538" in text and "(0.001" in text
+    for symbol, fits in results.inputs["marginals"].items():
+        for name in ("aic", "bic", "ks", "ad"):
+            assert page.number(fits[0][name]) in text, (symbol, name)
+    assert "These numbers are rough" in text and "27 spheres and 5 points" in text
+    for word in ("supported", "Wasserstein", "inertial number", "bandwidth", "synthetic pairs"):
+        assert word in text or word == "bandwidth"
+
+
+def test_failures_and_early_stops_are_said_with_their_numbers(tmp_path):
+    plan, points, info = synthetic.make_campaign(tmp_path, n=6, steady=(2,), failed=(3,))
+    results = read_results(build_results(tmp_path, plan, points, info, max_lost_probability=0.5))
+    notes = " ".join(wording.run_notes(results, evaluate(results)))
+    assert "3 of 39 runs failed." in notes and "servo error 0.08" in notes and "3 shear runs stopped early" in notes
+    losses = run_quality.losses(results)
+    lost = float(points.probability[points.id == 3][0])
+    assert losses["lost_probability"].to_numpy() == pytest.approx(lost)
+    counts = run_quality.run_counts(results).set_index("stage")
+    names = ["planned", "done", "failed", "spared", "steady_early"]
+    assert list(counts.loc["shear", names]) == [18, 15, 3, 0, 3] and list(counts.loc["all", names]) == [39, 36, 3, 0, 3]
+    assert counts.loc["shear", "core_hours"] == pytest.approx(15 * 2.0 / 3600)
+
+
+def test_runs_on_collapsed_packings_are_marked_and_counted(tmp_path):
+    plan, points, info = synthetic.make_campaign(tmp_path, n=6)
+    assert points.id[points.mu_s < 0.1].tolist() == [3] and points.mu_s.min() > 0.04
+    results = read_results(build_results(tmp_path, plan, points, info))
+    marked = run_quality.runs(results).query("collapsed")
+    assert marked[["stage", "point", "mu_iso"]].to_numpy().tolist() == [["probe", 3, 0.1], ["shear", 3, 0.1]]
+    assert "2 probes and shear runs start from a collapsed packing" in " ".join(
+        wording.run_notes(results, evaluate(results))
+    )
+
+
+def test_noise_and_widths_are_told(results):
+    noise = run_quality.noise(results).set_index(["mu_iso", "quantity"])
+    row = noise.loc[(0.04, "eta")]
+    assert 0.001 < row["run_error"] < 0.02 < row["sd_of_points"]
+    assert row["noise_variance_share"] == pytest.approx((row["run_error"] / row["sd_of_points"]) ** 2)
+    widths = run_quality.pdf_widths(results).set_index(["mu_iso", "quantity"])
+    assert 0 < widths.loc[(0.04, "eta"), "kernel_width"] < widths.loc[(0.04, "eta"), "sd_of_points"]
+
+
+def test_the_report_says_which_test_it_is_and_where_it_is_not_the_papers(results):
+    asked = {name: asdict(kind()) for name, kind in SECTIONS.items()}
+    usual = setting.conditions(replace(results, attrs=results.attrs | {"settings": asked}))
+    assert len(usual) == 1 and "d50 = 0.248 mm" in usual[0] and "100 kPa" in usual[0] and "logarithmic" in usual[0]
+    asked["consolidation"]["sigma_3_kPa"] = 500.0
+    asked["dem"]["stiffness_scale"] = 0.01
+    other = setting.conditions(replace(results, attrs=results.attrs | {"settings": asked}))
+    assert "500 kPa instead of 100, 0.01 of the grains' stiffness" in other[1]
+
+
+def test_the_report_says_what_the_runs_used_and_which_setting_was_asked_for(results):
+    frames = evaluate(results)
+    text = setting.accuracy(results, frames)
+    assert "no named setting" in text and "27 spheres" in text and "inertial number 0.001" in text and "0.8" in text
+    named = replace(results, attrs=results.attrs | {"config": '[dem]\naccuracy = "5%"\n'})
+    assert "the 5% setting" in setting.accuracy(named, frames)
+
+
+def beside(results):
+    return {"fidelity": other_runs.fidelity(results), "beyond": other_runs.beyond(results)}
+
+
+def test_tables_beside_the_results_are_shown(results, tmp_path):
+    alone = replace(results, path=tmp_path / "results.h5")
+    assert "<table" not in reliability.other_runs(beside(alone))
+    ladder = {"against": ["N = 2000", "N = 8000"], "response": ["eta_peak"] * 2, "bias (%)": [0.5, 1.2345],
+              "± (%)": [0.1, 0.2], "scatter, laptop (%)": [2.5, 2.5], "scatter, rung (%)": [1.75, None],
+              "promised (%)": [2, 2], "bias within": ["yes", "yes"], "failed": [0, 1],
+              "failed, laptop": [2, 2]}  # fmt: skip
+    pd.DataFrame(ladder).to_csv(tmp_path / "fidelity.csv", index=False)
+    rest = {"case": ["well graded", "gap graded", "own pair a grain"], "against": ["standard"] * 2 + ["one pair"],
+            "response": ["eta"] * 3, "state": ["peak"] * 3, "difference (%)": [1.0, -3.25, 0.5],
+            "scatter between draws (%)": [None, None, 1.25], "scatter between packings (%)": [2.25] * 3,
+            "failed": [1, 0, 0], "failed of the other": [4, 4, 2]}  # fmt: skip
+    pd.DataFrame(rest).to_csv(tmp_path / "beyond.csv", index=False)
+    shown = reliability.other_runs(beside(alone))
+    for text in ("+1.2 ± 0.2, yes", ">2.5<", ">1.8<", "-3.2", "+0.5", ">1.2<", "eta, peak"):
+        assert text in shown
+    assert "(3 chains failed)" in shown and "(7 chains failed)" in shown
+    assert Page(shown).open == [] and shown.count("<table") == 3
+
+
+def test_the_proofs_name_their_worst_run(results):
+    proofs = run_quality.proofs(results).set_index("proof")
+    assert proofs.loc["largest inertial number", "largest"] == pytest.approx(1.1e-3)
+    assert proofs.loc["largest inertial number", "run_of_the_largest"].startswith("shear_")
+
+
+def test_the_limits_shown_are_those_of_the_scripts():
+    tree = ast.parse((ROOT / "yade_scripts" / "proofs.py").read_text())
+    limits = {}
+    for node in tree.body:
+        if isinstance(node, ast.Assign):
+            names, values = node.targets[0], ast.literal_eval(node.value)
+            pairs = zip(names.elts, values, strict=True) if isinstance(names, ast.Tuple) else [(names, values)]
+            limits |= {name.id: value for name, value in pairs}
+    shown = {name: limit for name, (_, limit) in run_quality.PROOFS.items() if np.isfinite(limit)}
+    assert shown == {"max_inertial_number": limits["I_LIMIT"], "servo_mean_error": limits["SERVO_WINDOW_LIMIT"],
+                     "servo_max_error": limits["SERVO_LIMIT"], "energy_error": limits["ENERGY_LIMIT"]}  # fmt: skip
+
+
+@pytest.mark.parametrize("value, text", [(0.0, "0"), (float("nan"), "–"), (1234.5, "1234"), (0.012345, "0.0123"),
+                                         (-0.5, "-0.500"), (2.5e9, "2.50e+09"), (1e-16, "0")])  # fmt: skip
+def test_numbers_read_well(value, text):
+    assert page.number(value) == text
+
+
+def test_text_is_escaped():
+    source = page.table(pd.DataFrame({"a<b": ["<script>"], "n": [1.5]}), caption="x & y")
+    assert "<script>" not in source and "&lt;script&gt;" in source and "x &amp; y" in source
+
+
+def test_write_report_leaves_one_file_and_the_figures(results, tmp_path, monkeypatch):
+    def draw(results, frames, folder, names=None):
+        folder.mkdir()
+        paths = [folder / f"{name}.png" for name in FIGURES]
+        for path in paths:
+            path.write_bytes(b"\x89PNG")
+        return paths
+
+    monkeypatch.setattr(sections, "write_figures", draw)
+    monkeypatch.setattr(sections, "sections", lambda content, name: [("", f"{name} {len(content.figures)}")])
+    path = sections.write_report(results, {}, tmp_path)
+    assert path == tmp_path / "report.html" and {p.name for p in tmp_path.iterdir()} == {"figures", "report.html"}
+    source = path.read_text(encoding="utf-8")
+    assert "<title>Campaign synthetic</title>" in source and f"synthetic {len(FIGURES)}" in source

@@ -1,0 +1,194 @@
+"""At least forty errors of use: each ends in one clear line and a non-zero exit code, and nothing is half-written."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import pytest
+import synthetic_runs
+from paths import ROOT
+
+from campaign.__main__ import main
+from campaign.config import read_config
+from campaign.plan import write_plan
+
+#: Text of the campaign file -> what the line must name.
+CONFIGS = {
+    "[points]\nm = 8": "points.m",
+    "[points]\nN = 8": "points.N",
+    "[shear]\nstrain_ends = 0.3": "did you mean 'strain_end'",
+    "[sheer]\nstrain_end = 0.3": "did you mean 'shear'",
+    "colour = 3": "colour",
+    "[points]\nn = 'ten'": "points.n = 'ten' must be a whole number",
+    "[points]\nn = 8.5": "points.n = 8.5 must be a whole number",
+    "[points]\nn = true": "points.n = True must be a whole number",
+    "[points]\nn = 1": "points.n = 1 is outside [2, 10000]",
+    "[points]\nnested = 1": "points.nested = 1 must be true or false",
+    "[assembly]\nN = 10": "assembly.N = 10 is outside",
+    "[assembly]\nd50_mm = -0.2": "assembly.d50_mm",
+    "[assembly]\nd50_mm = nan": "assembly.d50_mm = nan",
+    "[assembly]\npackings = []": "assembly.packings is empty",
+    "[assembly]\npackings = [1, 1]": "names a value twice",
+    "[assembly]\npackings = 3": "assembly.packings = 3 must be a list",
+    "[assembly]\npackings = ['a']": "assembly.packings",
+    "[assembly]\ndistribution = 'lognormall'": "did you mean 'lognormal'",
+    "[consolidation]\nmu_iso = [0.1, -0.1]": "consolidation.mu_iso = -0.1 is outside",
+    "[consolidation]\nsigma_3_kPa = 0": "consolidation.sigma_3_kPa",
+    "[material]\nnu = 0.5": "material.nu = 0.5 is outside",
+    "[material]\nheterogeneity = 'grains'": "did you mean 'grain'",
+    "[shear]\nstrain_end = inf": "shear.strain_end = inf is outside",
+    "[shear]\ninertial_number = 0.01": "shear.inertial_number = 0.01 is outside [1e-06, 0.0025]",
+    "[shear]\nsnapshots = [0.3, 0.1]": "must increase",
+    "[shear]\nsnapshots = [0.9]": "beyond strain_end",
+    "[dem]\naccuracy = '3%'": "dem.accuracy = '3%'",
+    "[dem]\ntimestep_factor = 'big'": "dem.timestep_factor = 'big' must be a number",
+    "[failures]\nmax_lost_probability = 2": "failures.max_lost_probability",
+    "[pdem]\nmethod = 'exakt'": "did you mean 'exact'",
+    "[run]\njobs = -1": "run.jobs = -1",
+    "[run]\nengine = 'cloud'": "run.engine = 'cloud'",
+    "[run.slurm]\ntime = 'a day'": "run.slurm.time = 'a day'",
+    "[run.slurm]\nmemory = 'lots'": "run.slurm.memory",
+    "run = 3": "run = 3 must be a section",
+    "[run]\nslurm = 3": "run.slurm = 3 must be a section",
+    "name = 'a/b'": "name = 'a/b'",
+    "name = ''": "name = ''",
+    "[points\nn = 8": "not TOML",
+    "[points]\nn = 8\nn = 9": "not TOML",
+}
+
+#: Text of the pairs file -> what the line must name.
+GOOD = synthetic_runs.PAIRS
+PAIRS = {
+    GOOD.replace("mu_s", "friction"): "mu_s",
+    GOOD.replace("G_p_GPa", "stiffness"): "G_p_GPa",
+    GOOD.replace("0.120", "soft"): "soft",
+    GOOD.replace("0.120", "-0.120"): "-0.12",
+    GOOD.replace("0.120", "nan"): "nan",
+    "\n".join(GOOD.splitlines()[:9]) + "\n": "10",
+    "": "empty",
+}
+
+
+def _one_line(capsys, code: int, named: str) -> None:
+    output = capsys.readouterr()
+    assert code not in (0, None)
+    assert output.out == ""
+    assert len(output.err.strip().splitlines()) == 1, output.err
+    assert named in output.err and "Traceback" not in output.err
+
+
+def test_there_are_forty():
+    assert len(CONFIGS) + len(PAIRS) + len(COMMANDS) + len(PRODUCTS) >= 40
+
+
+@pytest.mark.parametrize("text", CONFIGS)
+def test_campaign_file(text, tmp_path, capsys):
+    path = tmp_path / "bad.toml"
+    path.write_text(text + "\n")
+    code = main(["plan", str(path), "--folder", str(tmp_path / "run")])
+    _one_line(capsys, code, CONFIGS[text])
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("text", PAIRS)
+def test_pairs_file(text, tmp_path, capsys):
+    path = synthetic_runs.write_config(tmp_path)
+    (tmp_path / "pairs.csv").write_text(text)
+    code = main(["plan", str(path), "--folder", str(tmp_path / "run")])
+    _one_line(capsys, code, PAIRS[text])
+    assert not (tmp_path / "run").exists()
+
+
+#: Arguments after `python3 -m campaign` -> what the line must name.
+COMMANDS = {
+    "plan nowhere.toml": "nowhere.toml",
+    "plan .": "Is a directory",
+    "status good.toml": "has no plan yet",
+    "missing good.toml": "has no plan yet",
+    "analyse good.toml": "has no plan yet",
+    "report good.toml": "has no results.h5",
+    "run good.toml --jobs 0": "--jobs = 0",
+    "status good.toml --jobs 5000": "--jobs = 5000 is outside [1, 4096]",
+    "run good.toml --jobs 2 --engine slurm": "--jobs = 2 has no effect in SLURM",
+    "plan binary.toml": "UTF-8",
+}
+
+
+@pytest.mark.parametrize("line", COMMANDS)
+def test_command_line(line, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    synthetic_runs.write_config(tmp_path).rename("good.toml")
+    Path("binary.toml").write_bytes(b"\xff\xfe\x00")
+    code = main([*line.split(), "--folder", str(tmp_path / "run")])
+    _one_line(capsys, code, COMMANDS[line])
+    assert not (tmp_path / "run").exists()
+
+
+USAGE = ["", "fly", "plan", "plan a.toml b.toml", "run a.toml --engine cloud", "plan a.toml --jobs 2",
+         "run a.toml --json", "status a.toml --failed", "missing a.toml --quiet", "report a.toml --check"]  # fmt: skip
+
+
+@pytest.mark.parametrize("line", USAGE)
+def test_usage(line):
+    done = subprocess.run([sys.executable, "-m", "campaign", *line.split()], capture_output=True, text=True,
+                          cwd=ROOT)  # fmt: skip
+    assert done.returncode == 2 and "Traceback" not in done.stderr and "usage:" in done.stderr
+
+
+def _truncate(path):
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def _flip(path):
+    data = bytearray(path.read_bytes())
+    for k in range(len(data) // 3, len(data) // 3 + 64):
+        data[k] ^= 0xFF
+    path.write_bytes(data)
+
+
+def _edit(path, change):
+    with h5py.File(path, "r+") as file:
+        change(file)
+
+
+#: Name -> (what is done to one product, what the line must name).
+PRODUCTS = {
+    "gone": (lambda path: path.unlink(), "have no product yet"),
+    "empty": (lambda path: path.write_bytes(b""), "cannot be read as a run file"),
+    "truncated": (_truncate, "cannot be read as a run file"),
+    "text": (lambda path: path.write_text("no HDF5"), "cannot be read as a run file"),
+    "another format": (lambda path: _edit(path, lambda f: f.attrs.update(format="xyz")), "is no run file"),
+    "not complete": (lambda path: _edit(path, lambda f: f.attrs.update(complete=False)), "is not complete"),
+    "another run": (lambda path: _edit(path, lambda f: f.attrs.update(run_id="x")), "run_id = 'x'"),
+    "another mu_s": (lambda path: _edit(path, lambda f: f["parameters"].attrs.update(mu_s=0.3)), "mu_s = 0.3"),
+    "no parameters": (lambda path: _edit(path, lambda f: f.pop("parameters")), "cannot be read as a run file"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PRODUCTS)
+def test_run_file(name, tmp_path, capsys):
+    path = synthetic_runs.write_config(tmp_path, n=2)
+    folder, config = tmp_path / "run", read_config(path)
+    rows = synthetic_runs.planned(config, folder, 2)
+    write_plan(rows, folder)
+    for row in rows:
+        synthetic_runs.write_product(folder, row)
+    damage, named = PRODUCTS[name]
+    damage(folder / rows[-1].product)
+    code = main(["analyse", str(path), "--folder", str(folder)])
+    _one_line(capsys, code, named)
+    assert not (folder / "results.h5").exists()
+
+
+def test_flipped_bytes_after_the_checksum(tmp_path, capsys):
+    path = synthetic_runs.write_config(tmp_path, n=2)
+    folder, config = tmp_path / "run", read_config(path)
+    rows = synthetic_runs.planned(config, folder, 2)
+    for row in rows:
+        synthetic_runs.write_product(folder, row)
+    assert main(["missing", str(path), "--folder", str(folder)]) == 0
+    assert capsys.readouterr().out == ""
+    _flip(folder / rows[-1].product)
+    code = main(["analyse", str(path), "--folder", str(folder)])
+    _one_line(capsys, code, "bytes have changed")

@@ -1,0 +1,127 @@
+"""Every command accepts only options that it uses: for each pair of command and option, what the option changes."""
+
+import argparse
+import json
+
+import pytest
+from campaign_cases import finish, make_small
+
+from campaign import __main__ as command_line
+from campaign import products
+from campaign.__main__ import COMMANDS, OPTIONS, main
+
+
+@pytest.fixture
+def case(tmp_path, monkeypatch):
+    """A finished campaign in a folder that is not the default one; engines and analysis note what they are given."""
+    case = finish(make_small(tmp_path))
+    case.calls, case.default = [], tmp_path / "root" / "runs" / "small"
+
+    def note(name, answer):
+        def noted(*args, **options):
+            case.calls.append((name, *[a for a in args if a == case.folder or a == case.default], options))
+            if hasattr(args[0], "run"):
+                case.calls[-1] += (args[0].run.jobs, args[0].run.engine)
+            return answer
+
+        return noted
+
+    monkeypatch.setattr(command_line, "ROOT", tmp_path / "root")
+    monkeypatch.setattr("campaign.engine_local.run_missing", note("local", 0))
+    monkeypatch.setattr("campaign.engine_slurm.submit_missing", note("slurm", "submitted"))
+    for name, answer in (("analyse", ("line", None)), ("archive", "line"), ("report", "line")):
+        monkeypatch.setattr(f"campaign.evaluate.{name}", note(name, answer))
+    return case
+
+
+def answer(case, capsys, command, *options, folder=True):
+    """Exit code, output and what engines and analysis were given; `folder`: with --folder."""
+    case.calls.clear()
+    where = ("--folder", str(case.folder)) if folder else ()
+    code = main([command, str(case.toml), *where, *options])
+    return code, capsys.readouterr().out, list(case.calls)
+
+
+def folder_is_where_the_campaign_is(case, capsys, command):
+    assert not case.default.exists()
+    code, _, calls = answer(case, capsys, command)
+    assert code == 0 and not case.default.exists()
+    assert all(case.folder in call for call in calls)
+    code, _, calls = answer(case, capsys, command, folder=False)
+    assert code != 0 or case.default.exists() or all(case.default in call for call in calls)
+    assert not any(case.folder in call for call in calls)
+
+
+def jobs_goes_to_the_engine(case, capsys, command):
+    assert all("local" in call and 3 in call for call in answer(case, capsys, command, "--jobs", "3")[2][:1])
+    assert not any(3 in call for call in answer(case, capsys, command)[2])
+
+
+def jobs_changes_the_time_to_go(case, capsys, command):
+    for row in case.rows[-4:]:
+        (case.folder / row.product).unlink()
+    seconds = [
+        json.loads(answer(case, capsys, command, "--json", "--jobs", jobs)[1])["seconds_to_go"] for jobs in ("1", "4")
+    ]
+    assert seconds[0] == pytest.approx(4 * seconds[1]) and seconds[0] > 0
+
+
+def engine_is_the_one_that_runs(case, capsys, command):
+    assert answer(case, capsys, command, "--engine", "slurm")[2][0][0] == "slurm"
+    assert answer(case, capsys, command, "--engine", "local")[2][0][0] == "local"
+
+
+def failed_runs_are_repeated(case, capsys, command):
+    assert [answer(case, capsys, command, *o)[2][0][2]["again"] for o in (("--failed",), ())] == [True, False]
+    slurm = ("--engine", "slurm")
+    assert [answer(case, capsys, command, *slurm, *o)[2][0][2]["again"] for o in (("--failed",), ())] == [True, False]
+
+
+def quiet_goes_to_the_engine(case, capsys, command):
+    assert [answer(case, capsys, command, *o)[2][0][2]["quiet"] for o in (("--quiet",), ())] == [True, False]
+
+
+def json_is_printed(case, capsys, command):
+    assert json.loads(answer(case, capsys, command, "--json")[1])["counts"]["total"]["done"] == 10
+    with pytest.raises(json.JSONDecodeError):
+        json.loads(answer(case, capsys, command)[1])
+
+
+def check_reads_products_that_look_unchanged(case, capsys, command):
+    answer(case, capsys, command)
+    path, checked = case.product(), case.folder / "products" / products.CHECKED
+    data = bytearray(path.read_bytes())
+    data[-1] ^= 1
+    path.write_bytes(data)
+    entries = json.loads(checked.read_text())
+    entries[case.rows[-1].run_id]["stamp"] = products.file_stamp(path)
+    checked.write_text(json.dumps(entries))
+    assert case.rows[-1].run_id not in answer(case, capsys, command)[1]
+    assert case.rows[-1].run_id in answer(case, capsys, command, "--check")[1]
+
+
+USES = {("status", "--jobs"): jobs_changes_the_time_to_go, ("status", "--json"): json_is_printed}
+USES |= {(command, "--folder"): folder_is_where_the_campaign_is for command in COMMANDS}
+USES |= {(command, "--check"): check_reads_products_that_look_unchanged for command in ("status", "missing")}
+for _command in ("run", "all"):
+    USES[_command, "--jobs"] = jobs_goes_to_the_engine
+    USES[_command, "--engine"] = engine_is_the_one_that_runs
+    USES[_command, "--failed"] = failed_runs_are_repeated
+    USES[_command, "--quiet"] = quiet_goes_to_the_engine
+
+
+@pytest.mark.parametrize(("command", "option"), USES, ids=[" ".join(pair) for pair in USES])
+def test_an_accepted_option_has_its_effect(case, capsys, command, option):
+    USES[command, option](case, capsys, command)
+
+
+def test_no_command_accepts_an_option_without_a_test_of_its_effect():
+    (commands,) = (a for a in command_line._parser()._actions if isinstance(a, argparse._SubParsersAction))
+    accepted = {
+        (name, option)
+        for name, parser in commands.choices.items()
+        for action in parser._actions
+        for option in action.option_strings
+        if option.startswith("--") and option != "--help"
+    }
+    assert accepted == set(USES) and {option for _, option in accepted} == set(OPTIONS)

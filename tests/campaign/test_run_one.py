@@ -1,0 +1,43 @@
+"""The supervisor of one run: its exit codes, its environment, and the former name that tasks in a queue still use."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from campaign_cases import ROOT, finish, make_small
+
+from campaign.plan import table_line
+from campaign.run_one import BUSY, ENVIRONMENT, FAILED, OK, run_environment
+
+
+@pytest.mark.parametrize("module", ["campaign.run_one", "campaign.row"])
+def test_exit_codes_are_those_that_yade_batch_and_slurm_scripts_know(module, tmp_path):
+    small = make_small(tmp_path)
+    finish(small, *small.rows[-2:])
+    (small.folder / "logs").mkdir()
+    lines = [row for row in small.rows if row.stage == "shear"]
+
+    def exit_code(row, script="shear.py", **env):
+        batch = f"batch/shear.table:{table_line(lines.index(row))}"
+        command = [sys.executable, "-m", module, "-x", script]
+        env = small.env(**{"YADE_BATCH": batch, "PYTHONPATH": str(ROOT), **env})
+        return subprocess.run(command, env=env, cwd=small.folder, capture_output=True, text=True).returncode
+
+    assert exit_code(small.rows[-2], YADE_BATCH="batch/shear.table:1") == ENVIRONMENT == 74
+    assert exit_code(small.rows[-2], YADE_BATCH="") == ENVIRONMENT
+    assert exit_code(small.rows[-2], CAMPAIGN_YADE="/no/such/yade") == ENVIRONMENT
+    assert exit_code(small.rows[-2]) == OK == 0 and small.started() == [small.rows[-2].run_id]
+    assert exit_code(small.rows[-2]) == OK and len(small.started()) == 1  # the product is there
+    small.fake["faults"] = {small.rows[-1].run_id: "proof"}
+    assert exit_code(small.rows[-1]) == FAILED == 1
+    assert small.total("failed") == 1 and BUSY == 75
+
+
+def test_no_server_starts_in_the_environment_of_a_run():
+    env = run_environment()
+    code = "import socketserver; s = socketserver.TCPServer(('', 0), None); print(s.server_address[0])"
+    done = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, check=True)
+    assert done.stdout == "127.0.0.1\n" and env["OMP_NUM_THREADS"] == "1"
+    folder = env["PYTHONPATH"].split(os.pathsep)[0]
+    assert folder == str(ROOT / "campaign" / "no_servers") and os.listdir(folder)
