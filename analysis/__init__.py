@@ -15,10 +15,10 @@ read_pairs, fit_joint, select_points, evolve          from measured pairs to poi
 
 Packages, each with its rule in its docstring; a package uses those to its left only:
 copulas, pdem, micromechanics < inputs, surrogates, runs < points < results < tables < figures < report.
-`quantities` (names and units), `assembly`, `files` and `errors` are below all of them.
+`base` (errors, files), `quantities` (names and units) and `assembly` are below all of them.
 """
 
-from ._lazy import lazy_names
+from .base import lazy_names
 
 __version__ = "0.2.0"
 

@@ -14,8 +14,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from .errors import GrainScatterError
-from .files import atomic_write, open_hdf5
+from .base import GrainScatterError, atomic_write, open_hdf5
 from .quantities import QUANTITIES
 
 DISTRIBUTIONS = ("lognormal", "loguniform", "well_graded", "gap_graded")

@@ -18,7 +18,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from analysis.files import digest
+from analysis.base import digest
+from analysis.quantities import effective_inertial_number
 from campaign.config import ROOT, Config, grains_file
 from campaign.files import read_json, write_json, write_text
 
@@ -41,9 +42,6 @@ CONSOLIDATION_STEPS, PROBE_STEPS, SHEAR_STEPS = 1350.0, 150.0, 8.0
 STEP_FACTOR = 0.8
 #: How much larger the time step is with `dem.density_scaling` (shear runs at N = 1,000: 1.80 to 1.85).
 BALANCED_STEP = 1.85
-#: Rate law of the shear stage: above this mu_s the inertial number is limited; FULL_RATE is the limit at this mu_s. The
-#: values are those of yade_scripts/rve.py, which the campaign cannot import; a test compares them.
-FULL_RATE_FRICTION, FULL_RATE = 0.3, 2.4e-3
 
 PLAN_COLUMNS = ("run_id", "stage", "family", "point", "packing", "mu_iso", "mu_s", "G_p", "product", "start", "steps",
                 "particle_steps", "cpu_seconds")  # fmt: skip
@@ -195,7 +193,7 @@ def predicted_steps(stage: str, values: dict[str, Any]) -> float:
     stiff = (values["G_p"] * values["stiffness_scale"] / values["sigma_3"]) ** (1.0 / 3.0)
     step = values["timestep_factor"] / STEP_FACTOR * (BALANCED_STEP if values["density_scaling"] else 1.0)
     if stage == "shear":
-        rate = effective_rate(values["inertial_number"], values["mu_s"])
+        rate = effective_inertial_number(values["inertial_number"], values["mu_s"])
         return SHEAR_STEPS * values["strain_end"] / rate * stiff / step
     return {"consolidate": CONSOLIDATION_STEPS, "probe": PROBE_STEPS}[stage] * stiff / step
 
@@ -203,13 +201,6 @@ def predicted_steps(stage: str, values: dict[str, Any]) -> float:
 def predicted_seconds(stage: str, particle_steps: float) -> float:
     """Return the predicted CPU time (s) of a run, the start of YADE included."""
     return SECONDS_PER_START + particle_steps / PARTICLE_STEPS_PER_CPU_SECOND[stage]
-
-
-def effective_rate(inertial_number: float, mu_s: float) -> float:
-    """Return the inertial number at which shear runs: the given one, limited above mu_s = FULL_RATE_FRICTION."""
-    if mu_s <= FULL_RATE_FRICTION:
-        return inertial_number
-    return min(inertial_number, FULL_RATE * FULL_RATE_FRICTION / mu_s)
 
 
 def predicted_cost(rows: Sequence[PlannedRun]) -> dict[str, dict[str, float]]:

@@ -1,12 +1,12 @@
-"""Runs the laptop campaign from where data/laptop left it and fills data/laptop from it.
+"""Continue the laptop campaign from its archive in data/laptop, and fill data/laptop with the results.
 
 /usr/bin/python3 data/make_laptop.py [--unfinished] [runs/laptop]
 
-data/laptop keeps an archive of all runs (runs.h5) with the points they belong to, so the campaign goes on from there on
-any machine: only what is missing is run.  Then results.h5, tables, figures, the report and the example runs are made,
-with whatever fidelity.csv and beyond.csv the benchmarks have left in data/laptop.  The example runs are the chain
-consolidate -> probe -> shear of one point at one density, the point nearest to the median friction.  --unfinished keeps
-the runs of a sitting in the archive and stops there.
+data/laptop holds an archive of all runs (runs.h5) and the points of these runs.  The campaign can therefore be
+continued on any machine, and only missing runs are made.  Afterwards results.h5, tables, figures, the report and the
+example runs are written; the report includes fidelity.csv and beyond.csv if the benchmarks have written them to
+data/laptop.  The example runs are the chain consolidate -> probe -> shear of one point at one density: the point
+nearest to the median friction.  --unfinished only archives the runs that exist.
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from analysis.results.reader import read_results  # noqa: E402
+from analysis.results import Results, read_results  # noqa: E402
 from campaign.evaluate import report_of_file  # noqa: E402
 
 TARGET = ROOT / "data" / "laptop"
-#: What a campaign goes on from.
+#: The files from which a campaign is continued.
 ARCHIVE = ("runs.h5", "points.csv", "inputs.json")
 LIMIT_MIB = 25
 
@@ -34,7 +34,7 @@ LIMIT_MIB = 25
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", nargs="?", type=Path, default=ROOT / "runs" / "laptop")
-    parser.add_argument("--unfinished", action="store_true", help="archive the runs there are, run nothing")
+    parser.add_argument("--unfinished", action="store_true", help="archive the runs that exist; run nothing")
     args = parser.parse_args()
     take_up(TARGET, args.folder)
     for command in ("archive",) if args.unfinished else ("all", "archive"):
@@ -47,7 +47,7 @@ def main() -> None:
 
 
 def take_up(target: Path, folder: Path) -> None:
-    """Give a folder that has no campaign yet the archive, the points and the failures kept in the repository."""
+    """Copy archive, points and failures from the repository to a folder that has no campaign yet."""
     if (folder / "points.csv").exists() or not (target / "runs.h5").exists():
         return
     (folder / "products").mkdir(parents=True, exist_ok=True)
@@ -58,7 +58,7 @@ def take_up(target: Path, folder: Path) -> None:
 
 
 def keep(folder: Path, target: Path) -> None:
-    """Copy archive, points and failures; an archive above 25 MiB is refused."""
+    """Copy archive, points and failures to the repository; an archive above 25 MiB is refused."""
     target.mkdir(parents=True, exist_ok=True)
     _small_enough(folder / "runs.h5")
     for path in [*(folder / name for name in ARCHIVE), *(folder / "products").glob("*.failed.json")]:
@@ -66,7 +66,7 @@ def keep(folder: Path, target: Path) -> None:
 
 
 def fill(folder: Path, target: Path) -> None:
-    """Copy results and example runs, draw, and say what it takes; a results.h5 above 25 MiB is refused."""
+    """Copy results and example runs, write the report, print the sizes; a results.h5 above 25 MiB is refused."""
     size = _small_enough(folder / "results.h5")
     target.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(folder / "results.h5", target / "results.h5")
@@ -77,15 +77,15 @@ def fill(folder: Path, target: Path) -> None:
         if path.exists():
             shutil.copyfile(path, kept)
         elif not kept.exists():
-            print(f"{run_id}: no product here, only its archive; the example runs lack it", file=sys.stderr)
+            print(f"{run_id}: archived, but without a product; it is not among the example runs", file=sys.stderr)
     print(report_of_file(target / "results.h5", target))
     for path in (target, target / "example_runs"):
         kept = sum(p.stat().st_size for p in path.rglob("*") if p.is_file()) / 2**20
         print(f"{path.relative_to(target.parent)}: {kept:.1f} MiB, results.h5 {size:.1f} MiB")
 
 
-def example_runs(results) -> list[str]:
-    """Ids of the chain of the point nearest to the median friction, at the middle density, first packing."""
+def example_runs(results: Results) -> list[str]:
+    """Ids of the runs of the point nearest to the median friction, at the middle density, in the first packing."""
     runs = results.runs
     points = results.family_points()
     point = int(points.id[np.argmin(np.abs(points.mu_s - np.median(points.mu_s)))])
@@ -96,7 +96,7 @@ def example_runs(results) -> list[str]:
 
 
 def _small_enough(path: Path) -> float:
-    """Size in MiB of a file for the repository; ends with one line if it is too large."""
+    """Size in MiB of a file for the repository; exits with one line if it exceeds the limit."""
     size = path.stat().st_size / 2**20
     if size > LIMIT_MIB:
         sys.exit(f"{path}: {size:.1f} MiB, limit {LIMIT_MIB} MiB")

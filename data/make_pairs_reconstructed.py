@@ -2,10 +2,11 @@
 
     /usr/bin/python3 data/make_pairs_reconstructed.py
 
-The measured pairs behind Liu, Lyu and Zhao (2025) are not public.  What is published of them, Tables 1 and 2, is taken
-as the target: the logarithms of each column have exactly the printed median and standard deviation and the printed
-Kolmogorov-Smirnov distance to their lognormal, and the ranks are the one draw out of many from a Student copula whose
-fitted copulas come nearest to Table 2.  The script prints the targets beside what the set gives.
+The measured pairs behind Liu, Lyu and Zhao (2025) are not public, but the statistics in their Tables 1 and 2 are.
+These statistics are the targets.  The logarithms of each column have exactly the printed median, the printed standard
+deviation and the printed Kolmogorov-Smirnov distance to their lognormal.  The ranks are one of many random draws from a
+Student copula: the draw whose fitted copulas are closest to Table 2.  The script prints the targets and the values of
+the set.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ HEADER = """\
 
 
 def main() -> None:
-    """Write the CSV and print how it compares with the published tables."""
+    """Write the CSV file and print the comparison with the published tables."""
     rng = np.random.default_rng(SEED)
     ranks = choose_ranks(rng)
     columns = [values(*TABLE_1[name], rng) for name in ("mu_s", "G_p")]
@@ -51,7 +52,7 @@ def main() -> None:
 
 
 def choose_ranks(rng: np.random.Generator) -> np.ndarray:
-    """Ranks (N, 2) of the draw whose fitted copulas come nearest to Table 2 with the Gaussian first of all by AIC."""
+    """Ranks (N, 2) of the draw whose fitted copulas are closest to Table 2 and which has the Gaussian first by AIC."""
     source = copulas.Copula("student", (-0.735, 9.0))
     draws = source.sample(N * DRAWS, rng).reshape(DRAWS, N, 2)
     u, v = (copulas.pseudo_observations(draws[..., i]) for i in (0, 1))
@@ -82,24 +83,24 @@ def is_gaussian_first(u: np.ndarray, v: np.ndarray) -> bool:
 def values(median: float, sigma_ln: float, ks: float, rng: np.random.Generator) -> np.ndarray:
     """Sorted values (N,) with this median and log standard deviation, at distance ks from their own lognormal.
 
-    A sorted normal sample is pushed down a little below its middle until the distance is the printed one: a push to
-    that side lengthens the upper tail, which keeps the lognormal the best of the families.
+    A sorted normal sample is shifted down slightly below its middle until the distance is the printed one.  A shift to
+    this side lengthens the upper tail, so that the lognormal remains the best of the families.
     """
     sample = special.ndtri((np.arange(N) + rng.uniform(0.25, 0.75, N)) / N)
 
-    def standardised(push):
-        y = np.sort(sample - push * np.exp(-0.5 * ((sample + 0.4) / 0.35) ** 2))
+    def standardised(shift):
+        y = np.sort(sample - shift * np.exp(-0.5 * ((sample + 0.4) / 0.35) ** 2))
         return (y - y.mean()) / y.std()
 
-    def gap(push):
-        return marginals.fit(np.exp(standardised(push)), "lognormal", n_sim=0).ks - ks
+    def gap(shift):
+        return marginals.fit(np.exp(standardised(shift)), "lognormal", n_sim=0).ks - ks
 
-    push = optimize.brentq(gap, 0.05, 0.8)
-    return median * np.exp(sigma_ln * standardised(push))
+    shift = optimize.brentq(gap, 0.05, 0.8)
+    return median * np.exp(sigma_ln * standardised(shift))
 
 
 def report(pairs: np.ndarray) -> None:
-    """Print Tables 1 and 2 beside the values of the reconstructed set."""
+    """Print the published Tables 1 and 2 and the values of the reconstructed set."""
     print("quantity                        published   this set")
     for i, (name, (median, sigma_ln, ks)) in enumerate(TABLE_1.items()):
         table = marginals.fit_all(pairs[:, i])

@@ -24,7 +24,8 @@ from analysis.figures import write_figures  # noqa: E402
 from analysis.points import RepresentativePoints  # noqa: E402
 from analysis.results.reader import read_results  # noqa: E402
 from analysis.runs import run_file  # noqa: E402
-from analysis.tables.registry import write_tables  # noqa: E402
+from analysis.runs.archive import Archive, run_summary  # noqa: E402
+from analysis.tables import evaluate, write_tables  # noqa: E402
 from campaign.config import read_config  # noqa: E402
 from campaign.evaluate import archive  # noqa: E402
 from campaign.folder import write_failure  # noqa: E402
@@ -35,12 +36,17 @@ LAPTOP = ROOT / "data" / "laptop"
 needs_laptop = pytest.mark.skipif(not (LAPTOP / "results.h5").exists(), reason="data/laptop holds no results yet")
 
 
+@pytest.fixture(scope="module")
+def frames():
+    return evaluate(LAPTOP / "results.h5")
+
+
 @needs_laptop
 @pytest.mark.long
-def test_the_committed_figures_are_those_of_the_results(tmp_path):
+def test_the_committed_figures_are_those_of_the_results(frames, tmp_path):
     """To the last byte where matplotlib is the one they were drawn with; else that none is missing."""
     results = read_results(LAPTOP / "results.h5")
-    drawn = write_figures(results, tmp_path)
+    drawn = write_figures(results, frames, tmp_path)
     assert {p.name for p in drawn} == {p.name for p in (LAPTOP / "figures").glob("*.png")}
     if results.attrs["versions"]["matplotlib"] == metadata.version("matplotlib"):
         assert [p.name for p in drawn if p.read_bytes() != (LAPTOP / "figures" / p.name).read_bytes()] == []
@@ -48,11 +54,26 @@ def test_the_committed_figures_are_those_of_the_results(tmp_path):
 
 @needs_laptop
 @pytest.mark.long
-def test_the_committed_tables_are_those_of_the_results(tmp_path):
-    paths = write_tables(LAPTOP / "results.h5", tmp_path)
+def test_the_committed_tables_are_those_of_the_results(frames, tmp_path):
+    paths = write_tables(frames, tmp_path)
     pairs = [(pd.read_csv(path), pd.read_csv(LAPTOP / "tables" / path.name)) for path in paths]
     for ours, kept in pairs:
         pd.testing.assert_frame_equal(ours, kept, rtol=1e-4, atol=1e-9)
+
+
+@needs_laptop
+@pytest.mark.parametrize("path", sorted((LAPTOP / "example_runs").glob("*.h5")), ids=lambda p: p.name.split("_")[0])
+def test_a_run_is_measured_as_the_archive_has_it_to_the_last_bit(path):
+    """The archive was written when the campaign ran: facts, states and curves of its runs must not change."""
+    new, old = run_summary(run_file.read_run(path)), Archive(LAPTOP / "runs.h5")[path.stem]
+    assert {**new.facts, "measured_by": ""} == pytest.approx(
+        {**old.facts, "measured_by": ""}, rel=0, abs=0, nan_ok=True
+    )
+    for part in ("states", "errors", "drift"):
+        ours, kept = (getattr(one.states, part, {}) for one in (new, old))
+        assert json.dumps(ours, sort_keys=True) == json.dumps(kept, sort_keys=True), part
+    ours, kept = (getattr(one.states, "responses", {}) for one in (new, old))
+    assert set(ours) == set(kept) and all(np.array_equal(ours[k], kept[k]) for k in kept)
 
 
 @needs_laptop

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import GrainScatterError
+from ..base import GrainScatterError
 
 
 class CopulaError(GrainScatterError):

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..pdem import joint_pdf
+from ..pdem import joint_pdf, weighted
 from ..results.reader import Results
 from . import panels, style
 
@@ -54,9 +54,7 @@ def pooled(results: Results, state: str, symbols: Sequence[str], family: str = "
     densities = results.family_densities(family)
     values = [np.concatenate([results.state(state, s, mu_iso, family) for mu_iso in densities]) for s in symbols]
     probability = np.concatenate([results.probability(mu_iso, family) for mu_iso in densities])
-    probability = np.where(np.isfinite(values).all(axis=0) if len(values) == 1 else np.all(np.isfinite(values), axis=0),
-                      probability, 0.0)  # fmt: skip
-    return (*values, probability / probability.sum())
+    return (*values, weighted.normalised(probability, np.all(np.isfinite(values), axis=0)))
 
 
 def _points(axis, results, state, symbol, legend):

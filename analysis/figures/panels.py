@@ -13,7 +13,7 @@ from matplotlib.figure import Figure, SubFigure
 from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import ScaledTranslation
 
-from ..pdem import evolution
+from ..pdem import evolution, weighted
 from ..pdem.bands import with_input_band
 from ..pdem.pdf import PDF
 from ..results.reader import Response, Results
@@ -103,10 +103,11 @@ def colour_bar(figure: Figure | SubFigure, filled: QuadContourSet, axes: Axes | 
 def state_pdf(results: Results, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> PDF | None:
     """PDF of a quantity at a state over the points, or None if fewer than two points have a value."""
     values = results.state(state, symbol, mu_iso, family)
-    probability = np.where(np.isfinite(values), results.probability(mu_iso, family), 0.0)
-    if np.count_nonzero(probability) < 2:
+    known = np.isfinite(values)
+    probability = results.probability(mu_iso, family)
+    if np.count_nonzero(probability[known]) < 2:
         return None
-    pdf = evolution.state_pdf(values, probability / probability.sum())
+    pdf = evolution.state_pdf(values, weighted.normalised(probability, known))
     drawn = results.bootstrap_probability(mu_iso, family)
     return pdf if drawn is None else with_input_band(pdf, values[None], drawn)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..errors import GrainScatterError
+from ..base import GrainScatterError
 
 POISSON_RATIO = 0.2
 FEWEST_PAIRS = 10

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..errors import GrainScatterError
+from ..base import GrainScatterError
 
 
 class GradingError(GrainScatterError):

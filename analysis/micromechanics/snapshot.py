@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..errors import RunFileError
+from ..base import RunFileError
 
 
 class SnapshotError(RunFileError):

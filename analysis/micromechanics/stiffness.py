@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
-from ..errors import GrainScatterError
+from ..base import GrainScatterError
 from .metrics import contact_count
 from .snapshot import Snapshot
 

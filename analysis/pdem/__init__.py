@@ -10,7 +10,7 @@ import importlib
 import warnings
 from typing import Any
 
-from .._lazy import lazy_names
+from ..base import lazy_names
 from . import weighted
 from .pdf import PDF
 

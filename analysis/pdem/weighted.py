@@ -22,7 +22,8 @@ def normalised(probability: ArrayLike, known: np.ndarray | None = None) -> np.nd
     probability = np.asarray(probability, float)
     if known is not None:
         probability = np.where(known, probability, 0.0)
-    return probability / probability.sum(axis=-1, keepdims=True)
+    with np.errstate(invalid="ignore"):
+        return probability / probability.sum(axis=-1, keepdims=True)
 
 
 def mean(values: ArrayLike, probability: ArrayLike) -> np.ndarray:

@@ -4,7 +4,7 @@ Rule: numpy, scipy, `inputs` and what lies below it; no file but the text of poi
 only, so that a reader of results does not load scipy: the other names are imported when they are asked for.
 """
 
-from .._lazy import lazy_names
+from ..base import lazy_names
 from .representative import Point, PointsError, RepresentativePoints
 
 __all__ = ["Point", "PointsError", "RepresentativePoints", "bootstrap_probabilities", "select_points"]

@@ -29,7 +29,11 @@ def star_discrepancy(u: np.ndarray, probability: np.ndarray) -> float:
 
 
 def weighted_moments(x: np.ndarray, probability: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Means (d,) and covariance matrix (d, d) of points x (n, d) with probabilities (n,)."""
+    """Means (d,) and covariance matrix (d, d) of points x (n, d) with probabilities (n,).
+
+    `pdem.weighted` has the moments of one quantity for points of which some have no value; sums are taken in another
+    order there, so the last bit differs.
+    """
     mean = probability @ x
     centred = x - mean
     return mean, (centred * probability[:, None]).T @ centred

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..errors import GrainScatterError
+from ..base import GrainScatterError
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -30,16 +30,43 @@ _FARTHEST = 0.1
 def select_points(
     joint: Joint, n: int, method: str = "gf", seed: int = 1, nested: bool = False
 ) -> RepresentativePoints:
-    """Choose n points with probabilities for a joint distribution; well under a second for n = 100, repeatable by its
-    seed.
+    """Choose n points with probabilities for a joint distribution.
 
-    method `gf`: a rank-one lattice in the independent space, then rounds of exact Voronoi probabilities and
-    rearrangement in the *physical* marginals onto two-point rules that keep means and variances, a small shear for
-    the correlation, and a smallest change of the probabilities that makes means, variances and covariances exact.
-    Points come in an order in which every beginning is a fair set. `gf-published`: Sobol' points and rearrangement
-    in the independent space (Chen, Yang and Li 2016). `sobol`, `lhs`, `mc`: equal probabilities. `nested=True` (gf):
-    the first n/2 points are select_points(joint, n/2, nested=True), and so on down to 40 points. Raises PointsError
-    for n < 8 or an unknown method.
+    Parameters
+    ----------
+    joint : Joint
+        The joint distribution of the inputs, as in `fit_joint(pairs).joint`.
+    n : int
+        Number of points, at least 8.
+    method : {"gf", "gf-published", "sobol", "lhs", "mc"}
+        "gf": a rank-one lattice in the independent space, then rounds of exact Voronoi probabilities and rearrangement
+        in the *physical* marginals onto two-point rules that keep means and variances, a small shear for the
+        correlation, and a smallest change of the probabilities that makes means, variances and covariances exact.
+        Points come in an order in which every beginning is a fair set.  "gf-published": Sobol' points and rearrangement
+        in the independent space (Chen, Yang and Li 2016).  "sobol", "lhs", "mc": equal probabilities.
+    seed : int
+        Seed of the search; the same seed gives the same points.
+    nested : bool
+        With "gf": the first n/2 points are select_points(joint, n/2, nested=True), and so on down to 40 points.
+
+    Returns
+    -------
+    RepresentativePoints
+        x (n, 2) of mu_s and G_p (Pa), probability (n,) of sum 1; well under a second for n = 100.
+
+    Raises
+    ------
+    PointsError
+        For n < 8 or an unknown method.
+
+    Examples
+    --------
+    >>> fit = fit_joint(read_pairs("data/pairs_reconstructed.csv"), n_boot=0)
+    >>> points = select_points(fit.joint, 20)
+    >>> len(points), round(float(points.probability.sum()), 12)
+    (20, 1.0)
+    >>> round(float(points.probability @ points.mu_s / fit.joint.marginals[0].mean), 6)
+    1.0
     """
     if n < _SMALLEST:
         raise PointsError(f"n = {n} points cannot carry the moments of the inputs; need at least {_SMALLEST}")

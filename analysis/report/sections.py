@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
+from ..base import atomic_write
 from ..figures import write_figures
-from ..files import atomic_write
 from ..quantities import QUANTITIES
 from ..results.reader import Results, read_results
 from ..tables import published

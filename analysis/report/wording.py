@@ -230,8 +230,7 @@ def run_notes(results: Results, frames: Frames) -> list[str]:
             f"{int(counts['spared'])} runs were spared, because the target error was reached without them: {filled} of "
             f"{len(results.points)} points were not run; a regression over the two properties gives their values."
         )
-    present = results.attrs["versions"].get("analysis code", "")
-    older = int((~runs["measured_by"].isin(["", present])).sum())
+    older = int(frames["archived_runs"].iloc[0]["other_version"])
     if older:
         notes.append(
             f"{older} runs come from an archive that another version of the analysis wrote: their states are those "

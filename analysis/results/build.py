@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 import pandas as pd
 
-from ..files import atomic_write
+from ..base import atomic_write
 from ..inputs.joint import Joint
 from ..pdem import evolution
 from ..points.representative import RepresentativePoints

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from ..errors import GrainScatterError
+from ..base import GrainScatterError
 from ..pdem import weighted
 from ..points.representative import RepresentativePoints
 from ..quantities import STAGE_STATES
@@ -174,7 +174,7 @@ def _family_points(family: str, plan: pd.DataFrame, points: RepresentativePoints
     x = np.column_stack([used.loc[number, name].to_numpy(float) for name in PROPERTIES])
     nearest = _nearest(points.x, x)
     probability = np.bincount(nearest, weights=points.probability, minlength=len(number))
-    family_points = RepresentativePoints(x, probability / probability.sum(), id=number)
+    family_points = RepresentativePoints(x, weighted.normalised(probability), id=number)
     return PlannedFamily(family, family_points, nearest, float(points.probability[planned].sum()))
 
 

@@ -22,8 +22,7 @@ import h5py
 import numpy as np
 import pandas as pd
 
-from ..errors import GrainScatterError
-from ..files import open_hdf5
+from ..base import GrainScatterError, open_hdf5
 from ..pdem import weighted
 from ..pdem.pdf import PDF
 from ..points.representative import RepresentativePoints
@@ -134,7 +133,7 @@ class Results:
             count = len(self._group(file, mu_iso, family, "weight"))
         probability = np.zeros((len(drawn), count))
         np.add.at(probability.T, bearer, drawn.T)
-        return probability / probability.sum(axis=1, keepdims=True)
+        return weighted.normalised(probability)
 
     def filled(self, mu_iso: float, family: str = "coupled", state: str = "critical") -> np.ndarray:
         """Which points (Q,) of a density were not run for a state; a regression over the inputs gives their values."""
@@ -203,7 +202,7 @@ class Results:
             point = runs["point"]
             probability = (point.map(of_point) / point.map(point.value_counts())).to_numpy(float)
         values = runs[symbol].to_numpy(float)
-        return values, probability / probability.sum() if len(probability) else probability
+        return values, weighted.normalised(probability) if len(probability) else probability
 
     def state_error(self, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> np.ndarray | None:
         """Standard errors (Q,) of a state's values from the fluctuation within the runs, or None if not estimated."""
@@ -273,7 +272,7 @@ def read_results(path: str | Path | Results) -> Results:
     >>> eta.values.shape == (len(eta.strain), len(results.points))
     True
     >>> round(float(eta.mean[-1]), 2)
-    0.64
+    0.63
     """
     if isinstance(path, Results):
         return path

@@ -4,7 +4,7 @@ Rule: one run at a time, no statistics over runs and no pandas; numpy, scipy, h5
 it.  All names are imported on first use, so that `triaxial` can be used without h5py.
 """
 
-from .._lazy import lazy_names
+from ..base import lazy_names
 
 _HOMES = {
     "Archive": ".archive",

@@ -16,8 +16,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from ..errors import GrainScatterError
-from ..files import atomic_write, digest, open_hdf5
+from ..base import GrainScatterError, atomic_write, digest, open_hdf5
 from ..quantities import CONSOLIDATED, STAGE_STATES
 from .run_file import Run
 from .states import RunStates, run_states
@@ -28,6 +27,9 @@ TIMES = ("steps", "cpu_seconds", "wall_seconds", "particle_steps_per_cpu_second"
 SETTINGS = ("inertial_number", "strain_end", "timestep_factor", "stiffness_scale", "damping")
 PROOFS = ("max_inertial_number", "servo_mean_error", "servo_max_error", "energy_error", "F_unb")
 TEXTS = ("created", "yade_version", "script_digest")
+#: Versions of the analysis (`measured_by`) whose archives hold the same states to the last bit: from before the files
+#: of the analysis moved into packages.  tests/test_laptop.py measures the example runs again and compares.
+SAME_STATES = ("aebd68a2264a",)
 #: Attribute of layout 2 that holds the JSON of a run: its facts, states, symbols and the name of its grains.
 _ENTRY = "told"
 #: Attributes of RunStates that are kept as JSON; responses and grains are datasets.

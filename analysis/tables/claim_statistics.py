@@ -140,9 +140,7 @@ class Sample:
     @property
     def probability(self) -> np.ndarray:
         """Probabilities (D, Q) of the drawn points; those of each density sum to 1."""
-        drawn = self._drawn(self.points.probability())
-        total = drawn.sum(axis=1, keepdims=True)
-        return drawn / np.where(total > 0, total, np.nan)
+        return weighted.normalised(self._drawn(self.points.probability()))
 
     def inputs(self, name: str) -> np.ndarray:
         """Values (Q,) of mu_s or G_p at the drawn points."""
@@ -238,7 +236,7 @@ def share_within(samples: Samples, state: str, symbol: str, mu_iso: float, low: 
     known = np.isfinite(values)
     if not known.any():
         return np.nan
-    values, probability = values[known], probability[known] / probability[known].sum()
+    values, probability = values[known], weighted.normalised(probability[known])
     width = max(evolution.kernel_width(values[None], probability[None])[0], 1e-9 * abs(high))
     return probability @ (special.ndtr((high - values) / width) - special.ndtr((low - values) / width))
 
@@ -325,7 +323,7 @@ def grading_cov(samples: Samples) -> float:
     for state, symbol in GRADING:
         values, probability = sample.values(state, symbol), sample.probability
         for k in range(len(sample.densities)):
-            noise = sample.noise(state, symbol, k) / weighted.mean(values[k], probability[k]) ** 2
+            noise = sample.noise(state, symbol, k) / float(weighted.mean(values[k], probability[k])) ** 2
             covs.append(np.sqrt(max(float(weighted.cov(values[k], probability[k])) ** 2 - noise, 0.0)))
     return max(covs)
 

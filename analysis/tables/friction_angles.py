@@ -63,7 +63,7 @@ def friction_angle(eta: ArrayLike) -> np.ndarray:
 
 
 def _numbers(angle: np.ndarray, probability: np.ndarray) -> tuple[float, float, float]:
-    probability = probability / probability.sum()
+    probability = weighted.normalised(probability)
     of_pdf = evolution.state_pdf(angle, probability, cells=160).quantile(CHARACTERISTIC)[0]
     of_points = float(weighted.quantile(angle, probability, CHARACTERISTIC))
     return float(weighted.mean(angle, probability)), of_points, float(of_pdf)

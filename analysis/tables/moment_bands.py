@@ -9,7 +9,7 @@ from scipy.stats import qmc
 
 from ..inputs.joint import Joint, bootstrap_joints
 from ..inputs.pairs import FEWEST_PAIRS
-from ..pdem import bands, evolution
+from ..pdem import bands, weighted
 from ..quantities import QUANTITIES
 from ..results.reader import Results
 from .columns import unit, with_interval
@@ -68,8 +68,8 @@ def input_bands(results: Results) -> pd.DataFrame:
                 continue
             values = QUANTITIES[symbol].shown_factor * results.state(state, symbol, mu_iso)
             if np.isfinite(values).any():
-                probability = np.where(np.isfinite(values), results.probability(mu_iso), 0.0)
-                mean, sd = (float(m) for m in evolution.moments(values, probability / probability.sum()))
+                probability = weighted.normalised(results.probability(mu_iso), np.isfinite(values))
+                mean, sd = (float(m) for m in weighted.moments(values, probability))
                 of_mean, of_sd = bands.reweighted_moment_bands(values, refitted)
                 numbers = (mean, float(of_mean[0]), float(of_mean[1]), sd, float(of_sd[0]), float(of_sd[1]))
                 rows.append((mu_iso, state, symbol, unit(symbol), *numbers))

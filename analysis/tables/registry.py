@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from ..files import atomic_write
+from ..base import atomic_write
 from ..results.reader import Results, read_results
 from .claims import claims_table
 from .friction import density_differences, friction_curves, friction_table
@@ -25,6 +25,7 @@ from .monte_carlo import monte_carlo_along, monte_carlo_check
 from .other_runs import beyond, fidelity
 from .published import beside_published
 from .run_quality import (
+    archived_runs,
     critical_drift,
     losses,
     noise,
@@ -66,6 +67,7 @@ REPORT_TABLES: dict[str, Table] = {
     "run_counts": run_counts,
     "proofs": proofs,
     "critical_drift": critical_drift,
+    "archived_runs": archived_runs,
     "probe_checks": probe_checks,
     "packing_design": packing_design,
     "packing_collapse": packing_collapse,
@@ -98,11 +100,11 @@ def evaluate(results: str | Path | Results) -> dict[str, pd.DataFrame]:
 
     Examples
     --------
-    >>> frames = evaluate("data/default/results.h5")
+    >>> frames = evaluate("runs/demo/results.h5")
     >>> frames["points"].columns.tolist()
     ['id', 'mu_s', 'G_p_GPa', 'probability']
-    >>> frames["peak_critical"]["quantity"].isin(["eta", "G_0"]).any()
-    np.True_
+    >>> sorted(set(frames["peak_critical"]["state"]))
+    ['critical', 'initial', 'peak', 'probe']
     """
     results = read_results(results)
     frames = {name: table(results) for name, table in (TABLES | REPORT_TABLES).items()}

@@ -11,6 +11,7 @@ from ..pdem import weighted
 from ..quantities import QUANTITIES
 from ..results import replicates
 from ..results.reader import Results
+from ..runs.archive import SAME_STATES
 from ..runs.states import OFF, PUSHED
 from .columns import named
 from .packing_noise import common_error, packing_scatter
@@ -104,6 +105,13 @@ def critical_drift(results: Results) -> pd.DataFrame:
             rows.append((mu_iso, between_packings, mean.iloc[0], error.iloc[0], mean.iloc[1], error.iloc[1]))
     columns = ["mu_iso", "between_packings", "drift_eta_pct", "error_eta_pct", "drift_e_pct", "error_e_pct"]
     return pd.DataFrame(rows, columns=columns)
+
+
+def archived_runs(results: Results) -> pd.DataFrame:
+    """One row: how many runs come from an archive (runs.h5) whose states another version of the analysis measured."""
+    present = results.attrs["versions"].get("analysis code", "")
+    other = ~results.runs["measured_by"].isin(["", present, *SAME_STATES])
+    return pd.DataFrame([{"other_version": int(other.sum())}])
 
 
 def probe_checks(results: Results) -> pd.DataFrame:

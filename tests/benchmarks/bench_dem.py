@@ -29,9 +29,9 @@ from dem_errors import summarise
 from dem_runs import ROOT, RunCrashed, RunFailed, chain, row_digest
 
 from analysis.micromechanics.stiffness import StiffnessError
+from analysis.quantities import effective_inertial_number
 from analysis.runs.run_file import RunFileError
 from analysis.runs.states import run_states
-from campaign.plan import effective_rate
 
 ROWS = ROOT / "data" / "benchmarks" / "dem_runs.csv"
 POINTS = {"low": (0.09, 45.0e9), "middle": (0.214, 25.7e9), "high": (0.50, 14.0e9)}
@@ -172,7 +172,7 @@ def measured(setting: str, packing: int, mu_iso: float, point: str) -> dict | No
     """The row of one case, failed or not; None where the run crashed."""
     values = BASE | SETTINGS[setting]
     mu_s, G_p = POINTS[point]
-    values["inertial_number"] = values.pop("rate") * effective_rate(values["inertial_number"], mu_s)
+    values["inertial_number"] = values.pop("rate") * effective_inertial_number(values["inertial_number"], mu_s)
     row = {
         "setting": setting,
         "scripts": row_digest(),

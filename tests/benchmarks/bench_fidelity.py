@@ -25,8 +25,8 @@ from chain_rows import MEASURED, NAMES, Chain, cpu_seconds, fill
 from dem_runs import ROOT, assembly, row_digest
 from scipy import stats
 
+from analysis.quantities import effective_inertial_number
 from campaign.config import Config, read_config
-from campaign.plan import effective_rate
 
 ROWS = ROOT / "data" / "benchmarks" / "fidelity.csv"
 TABLE = ROOT / "data" / "laptop" / "fidelity.csv"
@@ -105,7 +105,7 @@ def cases(name: str, values: dict, packings: tuple[int, ...], densities: list[fl
             for point, (mu_s, G_p) in POINTS.items():
                 if (row_digest(), name, hashed(values), str(packing), f"{mu_iso:g}", point) not in done:
                     start = assembly(values["N"], packing)
-                    rate = values["rate"] * effective_rate(values["inertial_number"], mu_s)
+                    rate = values["rate"] * effective_inertial_number(values["inertial_number"], mu_s)
                     case = {"rung": name, "settings": hashed(values), "N": values["N"], "inertial_number": rate,
                             "packing": packing, "mu_iso": mu_iso, "point": point, "mu_s": mu_s, "G_p": G_p}  # fmt: skip
                     rated = shear | {"inertial_number": rate}

@@ -26,6 +26,7 @@ from analysis.runs.triaxial import stress_ratio
 from campaign.run_one import run_environment
 
 G_P = 25.7e9
+BARE_LOOP = ROOT / "tests" / "yade" / "scenes" / "bare_loop.py"
 CAMPAIGN = {"inertial_number": 2.4e-3, "timestep_factor": 1.0, "density_scaling": 1, "snapshots": ""}
 
 
@@ -44,9 +45,11 @@ def overhead(jobs: int) -> pd.DataFrame:
                                     "energy_strain": 0.005}  # fmt: skip
         shear = read_run(run("shear", start=probe.path, **values))
         steps, dt = int(shear.timing["steps"]), float(shear.timing["dt_mean"])
-        command = ["yade", "-n", "-x", "-j1", str(ROOT / "tests" / "yade" / "scenes" / "bare_loop.py"), str(probe.path)]
-        out = subprocess.run([*command, str(steps), repr(dt), repr(0.04 / steps / dt)], env=run_environment(),
-                             text=True, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, check=True).stdout  # fmt: skip
+        command = ["yade", "-n", "-x", "-j1", str(BARE_LOOP), str(probe.path)]
+        command += [str(steps), repr(dt), repr(0.04 / steps / dt)]
+        out = subprocess.run(
+            command, env=run_environment(), text=True, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, check=True
+        ).stdout
         bare = float(out.split("cpu_seconds")[1].split()[0])
         whole = float(shear.timing["cpu_seconds"])
         rows.append({"turn": turn, "steps": steps, "shear_cpu_seconds": whole, "bare_cpu_seconds": bare,

@@ -33,9 +33,9 @@ from dem_runs import BUILD, D50, ROOT, RunCrashed, RunFailed, RunStopped, assemb
 
 from analysis.assembly import Assembly, AssemblyError, make_assembly, write_assembly
 from analysis.micromechanics import metrics
+from analysis.quantities import effective_inertial_number
 from analysis.runs.run_file import read_run, read_snapshot
 from analysis.runs.triaxial import stress_ratio
-from campaign.plan import effective_rate
 
 ROWS = ROOT / "data" / "benchmarks" / "stability.csv"
 INITIAL, SHEARED = ("e_0", "Z_0"), ("eta", "e", "Z")
@@ -99,7 +99,7 @@ def cells():
 
 def _rate(case):
     """The rate that a case is sheared at: beyond what the scripts take it stays, to be refused."""
-    return effective_rate(case["inertial_number"], case["mu_s"])
+    return effective_inertial_number(case["inertial_number"], case["mu_s"])
 
 
 def _named_cells():

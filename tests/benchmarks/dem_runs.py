@@ -30,7 +30,10 @@ BUILD = Path(os.environ.get("BENCH_FOLDER", ROOT / "build" / "bench"))
 D50, SIGMA_LN = 0.248e-3, 0.174
 LONG_DOUBLE = ROOT / "tests" / "yade" / "scenes" / "in_long_double.py"
 #: The analysis that makes a row of a run, beside the scripts that make the run.
-MEASURING = ("run_states", "triaxial", "stiffness", "micromechanics", "rearrangement")
+MEASURING = (
+    "runs/run_file", "runs/states", "runs/triaxial", "micromechanics/snapshot", "micromechanics/metrics",
+    "micromechanics/grading", "micromechanics/stiffness",
+)  # fmt: skip
 #: Scripts whose runs repeat earlier ones' to the last digit; rows go by the earlier name.  To be entered, proven by
 #: `bench_dem.py --again`, and taken out if that fails.
 SAME_NUMBERS = {"514e813fcc": "168d003437"}
@@ -63,18 +66,43 @@ def digest() -> str:
 
 def row_digest() -> str:
     """Which code makes a row of runs: that of the scripts and, after a dash, of the analysis that measures them."""
-    return f"{digest()}-{_sha256(ROOT / 'analysis' / f'{name}.py' for name in MEASURING)[:4]}"
+    sha = hashlib.sha256()
+    for name in MEASURING:
+        sha.update(ast.dump(_Bare().visit(_code(ROOT / "analysis" / f"{name}.py"))).encode())
+    return f"{digest()}-{sha.hexdigest()[:4]}"
 
 
 def _sha256(paths) -> str:
     sha = hashlib.sha256()
     for path in paths:
-        tree = ast.parse(path.read_text())
-        for node in ast.walk(tree):
-            if isinstance(node, (ast.Module, ast.FunctionDef, ast.ClassDef)) and ast.get_docstring(node) is not None:
-                node.body = node.body[1:]
-        sha.update(ast.dump(tree).encode())
+        sha.update(ast.dump(_code(path)).encode())
     return sha.hexdigest()
+
+
+def _code(path: Path) -> ast.Module:
+    """A file's code without comments and docstrings."""
+    tree = ast.parse(path.read_text())
+    for node in ast.walk(tree):
+        if isinstance(node, (ast.Module, ast.FunctionDef, ast.ClassDef)) and ast.get_docstring(node) is not None:
+            node.body = node.body[1:]
+    return tree
+
+
+class _Bare(ast.NodeTransformer):
+    """Code without what cannot change a number: imports, and the type hints of functions."""
+
+    def visit_Import(self, node):
+        return None
+
+    visit_ImportFrom = visit_Import
+
+    def visit_arg(self, node):
+        node.annotation = None
+        return node
+
+    def visit_FunctionDef(self, node):
+        node.returns = None
+        return self.generic_visit(node)
 
 
 def assembly(N: int, seed: int, sigma_ln: float = SIGMA_LN, distribution: str = "lognormal") -> Path:

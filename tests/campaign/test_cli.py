@@ -11,7 +11,7 @@ import synthetic_results
 from campaign_cases import finish, make_small, needs_batch
 
 import analysis.figures
-from analysis.errors import GrainScatterError
+from analysis.base import GrainScatterError
 from analysis.figures import FIGURES
 from analysis.results.reader import read_results
 from analysis.runs.triaxial import stress_ratio

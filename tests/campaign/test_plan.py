@@ -13,10 +13,9 @@ import pytest
 import synthetic_runs
 
 from analysis.points import RepresentativePoints
+from analysis.quantities import FULL_RATE, FULL_RATE_FRICTION, effective_inertial_number
 from campaign.config import ROOT, SECTIONS, parse_config, read_config
 from campaign.plan import (
-    FULL_RATE,
-    FULL_RATE_FRICTION,
     STAGES,
     collapsing,
     make_rows,
@@ -185,6 +184,8 @@ def assigned(script, name):
 
 def test_the_rate_law_of_the_plan_is_that_of_the_scripts():
     assert assigned("rve", "FULL_RATE_FRICTION, FULL_RATE") == (FULL_RATE_FRICTION, FULL_RATE)
+    assert effective_inertial_number(2.4e-3, 0.3) == 2.4e-3 and effective_inertial_number(1e-3, 0.65) == 1e-3
+    assert effective_inertial_number(2.4e-3, 0.6) == pytest.approx(1.2e-3)
 
 
 #: Parameters of the scripts (defaults in stage.py) that no key of the campaign file sets.

@@ -138,7 +138,8 @@ def test_only_replicates_let_densities_that_differ_refute_a_claim(tmp_path, pack
 
 
 @pytest.mark.parametrize("densities, stages", [
-    ((0.2,), ("consolidate", "shear")), ((0.04,), ("consolidate", "probe", "shear")), ((0.1, 0.2), ("shear",))])  # fmt: skip
+    ((0.2,), ("consolidate", "shear")), ((0.04,), ("consolidate", "probe", "shear")),
+    ((0.1, 0.2), ("shear",))])  # fmt: skip
 def test_a_campaign_of_other_densities_or_stages_has_its_claims_too(tmp_path, densities, stages):
     """What the campaign does not have is inconclusive, by its own rule and not by an exception that is swallowed."""
     points = synthetic.representative_points(4)

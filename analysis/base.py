@@ -1,4 +1,4 @@
-"""Files written whole or not at all, HDF5 files opened with one line for the user, and digests.
+"""What every package stands on: the user's error, files written whole, and names imported when asked for.
 
 Standard library only; h5py is imported where a file is opened.
 """
@@ -6,16 +6,23 @@ Standard library only; h5py is imported where a file is opened.
 from __future__ import annotations
 
 import hashlib
+import importlib
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-from .errors import GrainScatterError
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     import h5py
+
+
+class GrainScatterError(ValueError):
+    """A user's error. The command line prints its text in one line; any other exception is a bug."""
+
+
+class RunFileError(GrainScatterError):
+    """A product of a run that is missing, cut short or not what it claims to be; names the file and the value."""
 
 
 @contextmanager
@@ -60,3 +67,14 @@ def open_hdf5(path: str | Path, error: type[GrainScatterError], what: str = "fil
 def digest(data: bytes, length: int = 64) -> str:
     """The first `length` hexadecimal figures of the sha256 of some bytes."""
     return hashlib.sha256(data).hexdigest()[:length]
+
+
+def lazy_names(package: str, homes: dict[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """`__getattr__` and `__dir__` of a package whose names live in submodules; homes: name -> relative module."""
+
+    def load(name: str) -> Any:
+        if name not in homes:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        return getattr(importlib.import_module(homes[name], package), name)
+
+    return load, lambda: sorted(homes)
