@@ -15,10 +15,10 @@ read_pairs, fit_joint, select_points, evolve          from measured pairs to poi
 
 Packages, each with its rule in its docstring; a package uses those to its left only:
 copulas, pdem, micromechanics < inputs, surrogates, runs < points < results < tables < figures < report.
-`base` (errors, files), `quantities` (names and units) and `assembly` are below all of them.
+`errors_and_files` (errors, files), `quantities` (names and units) and `assembly` are below all of them.
 """
 
-from .base import lazy_names
+from .errors_and_files import lazy_names
 
 __version__ = "0.2.0"
 

@@ -14,7 +14,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from .base import GrainScatterError, atomic_write, open_hdf5
+from .errors_and_files import GrainScatterError, atomic_write, open_hdf5
 from .quantities import QUANTITIES
 
 DISTRIBUTIONS = ("lognormal", "loguniform", "well_graded", "gap_graded")

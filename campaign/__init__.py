@@ -12,10 +12,10 @@ A module imports only modules that stand above it in this list:
     status, evaluate            counts and costs; results.h5, tables, figures and report
     __main__                    the command line
 
-`yade_scripts` is started, never imported. From `analysis` the modules `base` and `quantities`, which need the
-standard library only, are imported at the top of a module. Everything else of `analysis`, and numpy, h5py and pandas,
-is imported inside the function that needs it: these packages take up to a second to load, which is longer than most
-commands take, and the supervisor of a run (`run_one`) needs none of them.
+`yade_scripts` is started, never imported. From `analysis` the modules `errors_and_files` and `quantities`, which need
+the standard library only, are imported at the top of a module. Everything else of `analysis`, and numpy, h5py and
+pandas, is imported inside the function that needs it: these packages take up to a second to load, which is longer than
+most commands take, and the supervisor of a run (`run_one`) needs none of them.
 """
 
 import os

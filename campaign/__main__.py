@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from analysis.base import GrainScatterError
+from analysis.errors_and_files import GrainScatterError
 from campaign import batches, engine_local, engine_slurm, evaluate
 from campaign.config import MOST_JOBS, ROOT, Config, ConfigError, read_config
 from campaign.plan import PlannedRun, collapsing, make_rows, predicted_cost, write_plan

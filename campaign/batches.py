@@ -15,7 +15,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from analysis.base import digest
+from analysis.errors_and_files import digest
 from campaign.config import Config
 from campaign.files import read_json, write_json
 from campaign.plan import PlannedRun

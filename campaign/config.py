@@ -16,7 +16,7 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from analysis.base import GrainScatterError, digest
+from analysis.errors_and_files import GrainScatterError, digest
 
 ROOT = Path(__file__).resolve().parent.parent
 #: Largest number of runs at once, of the key run.jobs and of the option --jobs.

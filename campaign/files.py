@@ -8,7 +8,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from analysis.base import atomic_write
+from analysis.errors_and_files import atomic_write
 
 
 def write_text(path: Path, text: str) -> None:

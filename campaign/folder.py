@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from analysis.base import GrainScatterError
+from analysis.errors_and_files import GrainScatterError
 from campaign.files import write_json
 
 SUMS = "SHA256SUMS"

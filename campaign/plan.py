@@ -18,14 +18,14 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from analysis.base import digest
+from analysis.errors_and_files import digest
 from analysis.quantities import effective_inertial_number
 from campaign.config import ROOT, Config, grains_file
 from campaign.files import read_json, write_json, write_text
 
 if TYPE_CHECKING:
     from analysis.points import RepresentativePoints
-    from analysis.points.representative import Point
+    from analysis.points.representative_points import Point
 
 #: Version of each stage. Raised whenever the script of a stage computes something else from the same parameters.
 PROTOCOL = {"consolidate": 4, "probe": 4, "shear": 5}

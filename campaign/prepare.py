@@ -12,7 +12,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from analysis.base import GrainScatterError, atomic_write, digest
+from analysis.errors_and_files import GrainScatterError, atomic_write, digest
 from campaign.config import Config, grains_file
 from campaign.files import read_json, write_json, write_text
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import GrainScatterError
+from ..errors_and_files import GrainScatterError
 
 
 class CopulaError(GrainScatterError):

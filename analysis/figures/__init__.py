@@ -13,7 +13,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from ..results.reader import Results, read_results
-from . import behaviour, friction, inputs, joint, stiffness, stress_ratio, style
+from . import friction, inputs, joint, stiffness, stress_ratio, style, void_ratio_fabric
 
 Frames = Mapping[str, pd.DataFrame]
 Draw = Callable[[Results, Frames], Figure]
@@ -31,11 +31,11 @@ FIGURES: dict[str, Draw] = {
     "fig05_stress_ratio": _of_results(stress_ratio.stress_ratio),
     "fig06_stress_ratio_surfaces": _of_results(stress_ratio.surfaces),
     "fig07_peak_critical": _of_results(stress_ratio.peak_and_critical),
-    "fig08_void_ratio": _of_results(behaviour.void_ratio),
-    "fig09_mechanical_void_ratio": _of_results(behaviour.mechanical_void_ratio),
-    "fig10_coordination": _of_results(behaviour.coordination),
-    "fig11_mechanical_coordination": _of_results(behaviour.mechanical_coordination),
-    "fig12_fabric": _of_results(behaviour.fabric),
+    "fig08_void_ratio": _of_results(void_ratio_fabric.void_ratio),
+    "fig09_mechanical_void_ratio": _of_results(void_ratio_fabric.mechanical_void_ratio),
+    "fig10_coordination": _of_results(void_ratio_fabric.coordination),
+    "fig11_mechanical_coordination": _of_results(void_ratio_fabric.mechanical_coordination),
+    "fig12_fabric": _of_results(void_ratio_fabric.fabric),
     "fig13_stiffness_dilatancy": _of_results(stiffness.stiffness_dilatancy),
     "fig14_joint_eta_e": _of_results(joint.eta_void_ratios),
     "fig15_joint_eta_Z": _of_results(joint.eta_coordination),

@@ -4,7 +4,7 @@ Rule: numpy, scipy, `copulas` and what lies below it; no file but the CSV of the
 numpy alone; the other names are imported on first use.
 """
 
-from ..base import lazy_names
+from ..errors_and_files import lazy_names
 from .pairs import InputError, check_pairs, read_pairs
 
 __all__ = [

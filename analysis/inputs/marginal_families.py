@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from ..base import GrainScatterError
+from ..errors_and_files import GrainScatterError
 
 _LOG_SQRT_2PI = 0.5 * np.log(2.0 * np.pi)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import GrainScatterError
+from ..errors_and_files import GrainScatterError
 
 POISSON_RATIO = 0.2
 FEWEST_PAIRS = 10

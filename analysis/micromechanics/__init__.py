@@ -5,7 +5,7 @@ Rule: numpy, scipy, `quantities` and `errors` only; no file and no pandas.  What
 use.
 """
 
-from ..base import lazy_names
+from ..errors_and_files import lazy_names
 from .grading import GradingError, active_grading_index, grading_curve, grading_index, stress_grading_index
 from .metrics import (
     coordination,

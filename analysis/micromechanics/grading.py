@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..base import GrainScatterError
+from ..errors_and_files import GrainScatterError
 
 
 class GradingError(GrainScatterError):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..base import RunFileError
+from ..errors_and_files import RunFileError
 
 
 class SnapshotError(RunFileError):

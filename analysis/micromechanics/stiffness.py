@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import sparse
 
-from ..base import GrainScatterError
+from ..errors_and_files import GrainScatterError
 from .metrics import contact_count
 from .snapshot import Snapshot
 

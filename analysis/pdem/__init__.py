@@ -10,7 +10,7 @@ import importlib
 import warnings
 from typing import Any
 
-from ..base import lazy_names
+from ..errors_and_files import lazy_names
 from . import weighted
 from .pdf import PDF
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import fft
 
-from ..base import GrainScatterError
+from ..errors_and_files import GrainScatterError
 from . import tvd
 from .pdf import PDF
 from .weighted import moments, normalised, quantiles

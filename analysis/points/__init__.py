@@ -1,11 +1,11 @@
 """Representative points: few inputs with probabilities that stand for the whole joint distribution.
 
-Rule: numpy, scipy, `inputs` and what lies below it; no file but the text of points.csv.  `representative` needs numpy
-only, so that a reader of results does not load scipy: the other names are imported when they are asked for.
+Rule: numpy, scipy, `inputs` and what lies below it; no file but the text of points.csv.  `representative_points` needs
+numpy only, so that a reader of results does not load scipy: the other names are imported when they are asked for.
 """
 
-from ..base import lazy_names
-from .representative import Point, PointsError, RepresentativePoints
+from ..errors_and_files import lazy_names
+from .representative_points import Point, PointsError, RepresentativePoints
 
 __all__ = ["Point", "PointsError", "RepresentativePoints", "bootstrap_probabilities", "select_points"]
 

@@ -15,7 +15,7 @@ from scipy import special
 from ..inputs.joint import Joint, bootstrap_joints
 from .discrepancy import gf_discrepancy
 from .moment_matching import calibrated, gauss_rearranged, middles, sheared
-from .representative import PointsError, RepresentativePoints
+from .representative_points import PointsError, RepresentativePoints
 from .unit_cube import fair_order, kernel_discrepancy, uniform_set
 from .voronoi import cell_probabilities, sampled_cell_probabilities
 

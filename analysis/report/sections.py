@@ -9,13 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from ..base import atomic_write
+from ..errors_and_files import atomic_write
 from ..figures import write_figures
 from ..quantities import QUANTITIES
 from ..results.reader import Results, read_results
 from ..tables import published
 from ..tables.claims import CONTRADICTED, INCONCLUSIVE, SUPPORTED
-from . import friction, page, reliability, setting, wording
+from . import conditions, friction, page, reliability, wording
 
 
 class Content(NamedTuple):
@@ -95,15 +95,15 @@ def _head(content: Content, name: str) -> str:
         (str(len(results.points)), f"points of ({wording.sign('mu_s')}, {wording.sign('G_p')})"),
         (str(len(results.densities)), "densities" if len(results.densities) > 1 else "density"),
         (str(done), "runs, all with a product" if done == planned else f"of {planned} runs done"),
-        (setting.particles(frames), "spheres per run"),
+        (conditions.particles(frames), "spheres per run"),
         (f"{counts['core_hours']:.3g}", "core-hours"),
         (
             " / ".join(str(outcomes.get(outcome, 0)) for outcome in (SUPPORTED, CONTRADICTED, INCONCLUSIVE)),
             "claims supported / contradicted / inconclusive",
         ),
     ]
-    paragraphs = [setting.introduction(results, frames), *setting.conditions(results)]
-    paragraphs += setting.size_warning(results, frames)
+    paragraphs = [conditions.introduction(results, frames), *conditions.conditions(results)]
+    paragraphs += conditions.size_warning(results, frames)
     short = "".join(map(page.paragraph, wording.in_short(frames)))
     text = "".join(map(page.paragraph, paragraphs))
     return f"<h1>Campaign {page.escape(name)}</h1>{text}{page.cards(items)}<h3>In short</h3>{short}"
@@ -147,7 +147,7 @@ def _runs(results: Results, frames: Mapping[str, pd.DataFrame]) -> str:
     counts = frames["run_counts"]
     zero = [name for name in ("failed", "spared", "steady_early") if not counts[name].any()]
     table = page.table(counts.drop(columns=zero), "Runs by stage", stack=True)
-    notes = [setting.accuracy(results, frames), *wording.run_notes(results, frames)]
+    notes = [conditions.accuracy(results, frames), *wording.run_notes(results, frames)]
     return table + "".join(map(page.paragraph, notes))
 
 

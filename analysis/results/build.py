@@ -16,10 +16,10 @@ import h5py
 import numpy as np
 import pandas as pd
 
-from ..base import atomic_write
+from ..errors_and_files import atomic_write
 from ..inputs.joint import Joint
 from ..pdem import evolution
-from ..points.representative import RepresentativePoints
+from ..points.representative_points import RepresentativePoints
 from ..points.selection import bootstrap_probabilities
 from ..quantities import QUANTITIES
 from ..runs.archive import NAME, Archive

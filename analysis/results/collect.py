@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from ..base import GrainScatterError
+from ..errors_and_files import GrainScatterError
 from ..pdem import weighted
-from ..points.representative import RepresentativePoints
+from ..points.representative_points import RepresentativePoints
 from ..quantities import STAGE_STATES
 from ..runs import run_file
 from ..runs.archive import NOTHING, RunSummary, run_summary

@@ -22,10 +22,10 @@ import h5py
 import numpy as np
 import pandas as pd
 
-from ..base import GrainScatterError, open_hdf5
+from ..errors_and_files import GrainScatterError, open_hdf5
 from ..pdem import weighted
 from ..pdem.pdf import PDF
-from ..points.representative import RepresentativePoints
+from ..points.representative_points import RepresentativePoints
 from ..quantities import CONSOLIDATED, QUANTITIES, STAGE_STATES, Quantity
 
 FORMAT, FORMAT_VERSION = "campaign-results", 3

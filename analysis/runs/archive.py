@@ -16,7 +16,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from ..base import GrainScatterError, atomic_write, digest, open_hdf5
+from ..errors_and_files import GrainScatterError, atomic_write, digest, open_hdf5
 from ..quantities import CONSOLIDATED, STAGE_STATES
 from .run_file import Run
 from .states import RunStates, run_states

@@ -14,7 +14,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from ..base import RunFileError, open_hdf5
+from ..errors_and_files import RunFileError, open_hdf5
 from ..micromechanics.snapshot import Snapshot, SnapshotError, check_snapshot
 from ..quantities import RECORD
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..micromechanics import grading, metrics, stiffness
 from ..quantities import RESPONSES
-from . import triaxial
+from . import peak_critical
 from .run_file import Run, RunFileError, read_snapshot
 
 INDICES = ("I_G", "I_G_active", "I_G_stress")
@@ -51,8 +51,8 @@ def run_states(run: Run) -> RunStates:
     """Responses and states of a shear run, or the moduli of a probe run, all in SI units.
 
     The initial state is the row of the record at zero strain, the peak state that of the smoothed stress ratio, the
-    critical state the average over the last part (see `triaxial`).  Grading indices come from the first snapshot, the
-    one nearest to the peak (NaN if none is near) and the last one.  If contacts slide in a probe, its moduli are
+    critical state the average over the last part (see `peak_critical`).  Grading indices come from the first snapshot,
+    the one nearest to the peak (NaN if none is near) and the last one.  If contacts slide in a probe, its moduli are
     replaced by those of the static solve of the contact network.
     Raises run_file.RunFileError if something needed is missing or not finite.
     """
@@ -61,15 +61,15 @@ def run_states(run: Run) -> RunStates:
     record = run.record
     strain, sigma = record["eps_a"], record["sigma"]
     principal = np.linalg.eigvalsh(record["Phi"])
-    derived = {"eta": triaxial.stress_ratio(sigma), "Phi_dev": principal[:, -1] - principal[:, 0]}
+    derived = {"eta": peak_critical.stress_ratio(sigma), "Phi_dev": principal[:, -1] - principal[:, 0]}
     responses = {symbol: derived[symbol] if symbol in derived else record[symbol] for symbol in RESPONSES}
-    p, q = triaxial.mean_stress(sigma), triaxial.deviator_stress(sigma)
+    p, q = peak_critical.mean_stress(sigma), peak_critical.deviator_stress(sigma)
     others = {**{k: v for k, v in responses.items() if k != "eta"}, "p": p, "q": q}
     try:
-        peak = triaxial.peak_state(strain, responses["eta"], others=others)
-        critical = triaxial.critical_state(strain, {"eta": responses["eta"], **others})
-        slope = triaxial.dilatancy(strain, responses["eps_v"], p, q)
-    except triaxial.TriaxialError as error:
+        peak = peak_critical.peak_state(strain, responses["eta"], others=others)
+        critical = peak_critical.critical_state(strain, {"eta": responses["eta"], **others})
+        slope = peak_critical.dilatancy(strain, responses["eps_v"], p, q)
+    except peak_critical.TriaxialError as error:
         raise RunFileError(f"{run.path}: {error}") from error
     at_peak = {"eta": peak.eta, "eps_peak": peak.eps_a, "D_p": float(slope[peak.index])}
     states = {

@@ -4,7 +4,7 @@
 Rule: numpy, scipy, `pdem` and what lies below it; no file and no pandas.  All names are imported on first use.
 """
 
-from ..base import lazy_names
+from ..errors_and_files import lazy_names
 
 _HOMES = {
     "Assessment": ".stopping",

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import GrainScatterError
+from ..errors_and_files import GrainScatterError
 from . import regression
 
 #: Runs below which no error is claimed from a response surface.

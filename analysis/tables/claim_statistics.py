@@ -15,7 +15,7 @@ from scipy import special, stats
 from ..pdem import evolution, weighted
 from ..quantities import CONSOLIDATED
 from ..results.reader import Results
-from ..runs import triaxial
+from ..runs import peak_critical
 from . import published
 from .packing_noise import common_curves, common_error, own_error, values_drawn
 
@@ -95,7 +95,7 @@ class PointSet:
     def smoother(self) -> np.ndarray:
         """Matrix (T, T) that smooths a curve along strain, over 4 % to either side."""
         strain = self.results.strain
-        return self._once("smoother", lambda: triaxial.smooth(strain, np.eye(len(strain)), width=SMOOTHER))
+        return self._once("smoother", lambda: peak_critical.smooth(strain, np.eye(len(strain)), width=SMOOTHER))
 
     def spread(self, state: str, symbol: str) -> np.ndarray:
         """Standard deviation (D,) of a quantity at a state over all points."""
@@ -292,7 +292,7 @@ def steady_strain(samples: Samples, symbol: str, tolerance: float) -> float:
     """
     sample = samples["coupled"]
     strain = sample.points.results.strain
-    if strain[-1] < published.STEADY_STRAIN + 2 * triaxial.CORRELATION_STRAIN:
+    if strain[-1] < published.STEADY_STRAIN + 2 * peak_critical.CORRELATION_STRAIN:
         return np.nan
     last = strain >= max(published.STEADY_STRAIN, 0.75 * strain[-1])
     starts = []

@@ -9,13 +9,13 @@ Numbers are in the units that a person reads; every average uses the points' pro
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 import pandas as pd
 
-from ..base import atomic_write
-from ..results.reader import Results, read_results
+from ..errors_and_files import atomic_write
+from ..results.reader import Results, ResultsError, read_results
 from .claims import claims_table
 from .friction import density_differences, friction_curves, friction_table
 from .friction_angles import friction_angle_table
@@ -80,13 +80,22 @@ REPORT_TABLES: dict[str, Table] = {
 }
 
 
-def evaluate(results: str | Path | Results) -> dict[str, pd.DataFrame]:
+#: Frames made of another frame: name -> that frame's name and the function.
+DERIVED_TABLES: dict[str, tuple[str, Callable[[pd.DataFrame], pd.DataFrame]]] = {
+    "published_shear": ("friction", beside_published),
+    "density_differences": ("friction", density_differences),
+}
+
+
+def evaluate(results: str | Path | Results, only: Iterable[str] | None = None) -> dict[str, pd.DataFrame]:
     """Compute every table of a campaign once.
 
     Parameters
     ----------
     results : str, Path or Results
         results.h5, or results that are already open.
+    only : iterable of str, optional
+        Names of the tables that are wanted; all by default.
 
     Returns
     -------
@@ -96,7 +105,7 @@ def evaluate(results: str | Path | Results) -> dict[str, pd.DataFrame]:
     Raises
     ------
     ResultsError
-        If the file cannot be used.
+        If the file cannot be used, or a wanted table does not exist.
 
     Examples
     --------
@@ -107,10 +116,13 @@ def evaluate(results: str | Path | Results) -> dict[str, pd.DataFrame]:
     ['critical', 'initial', 'peak', 'probe']
     """
     results = read_results(results)
-    frames = {name: table(results) for name, table in (TABLES | REPORT_TABLES).items()}
-    frames["published_shear"] = beside_published(frames["friction"])
-    frames["density_differences"] = density_differences(frames["friction"])
-    return frames
+    tables, derived = TABLES | REPORT_TABLES, DERIVED_TABLES
+    wanted = [*tables, *derived] if only is None else list(only)
+    if unknown := sorted(set(wanted) - {*tables, *derived}):
+        raise ResultsError(f"there is no table {', '.join(unknown)}, only {', '.join([*tables, *derived])}")
+    needed = {derived[name][0] if name in derived else name for name in wanted}
+    frames = {name: table(results) for name, table in tables.items() if name in needed}
+    return frames | {name: derived[name][1](frames[derived[name][0]]) for name in wanted if name in derived}
 
 
 def write_tables(frames: Mapping[str, pd.DataFrame], folder: str | Path) -> list[Path]:

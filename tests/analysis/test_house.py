@@ -12,7 +12,7 @@ from structure import circles, files, measure, room_arrows
 
 #: From the ground up: a package imports packages of the lines above its own only.
 STOREYS = (
-    {"base", "quantities"},
+    {"errors_and_files", "quantities"},
     {"assembly", "copulas", "pdem", "micromechanics"},
     {"inputs", "surrogates", "runs"},
     {"points"},

@@ -32,8 +32,8 @@ sys.path.insert(0, str(ROOT))
 
 from analysis.micromechanics.metrics import love_stress, sphere_volume  # noqa: E402
 from analysis.micromechanics.snapshot import Snapshot  # noqa: E402
+from analysis.runs.peak_critical import peak_state, stress_ratio  # noqa: E402
 from analysis.runs.run_file import Run, read_snapshot  # noqa: E402
-from analysis.runs.triaxial import peak_state, stress_ratio  # noqa: E402
 from tests.benchmarks import lammps_input  # noqa: E402
 from tests.benchmarks.dem_runs import BUILD, RunFailed, chain, digest  # noqa: E402
 

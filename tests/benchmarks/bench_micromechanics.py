@@ -30,7 +30,7 @@ from analysis.micromechanics import grading  # noqa: E402
 from analysis.micromechanics import metrics as mm  # noqa: E402
 from analysis.micromechanics.snapshot import Snapshot, check_snapshot  # noqa: E402
 from analysis.micromechanics.stress_force_fabric import stress_force_fabric  # noqa: E402
-from analysis.runs import triaxial  # noqa: E402
+from analysis.runs import peak_critical  # noqa: E402
 from analysis.runs.run_file import read_snapshot  # noqa: E402
 from tests.benchmarks import dem_runs  # noqa: E402
 
@@ -112,9 +112,9 @@ def yade() -> None:
     for mu_iso, mu_s in RUNS:
         snapshots = ",".join(f"{x:.4f}" for x in STRAINS)
         _, run = dem_runs.chain(1000, 1, mu_iso, mu_s, 25.7e9, inertial_number=2e-3, snapshots=snapshots)
-        eta = triaxial.stress_ratio(run.record["sigma"])
-        peak = triaxial.peak_state(run.record["eps_a"], eta)
-        critical = triaxial.critical_state(run.record["eps_a"], {"eta": eta, "e": run.record["e"]})
+        eta = peak_critical.stress_ratio(run.record["sigma"])
+        peak = peak_critical.peak_state(run.record["eps_a"], eta)
+        critical = peak_critical.critical_state(run.record["eps_a"], {"eta": eta, "e": run.record["e"]})
         at = np.array([eps_a for _, eps_a, _ in run.snapshots])
         for state, chosen, smoothed in (
             ("peak", np.abs(at - peak.eps_a) < 0.0076, peak.eta),

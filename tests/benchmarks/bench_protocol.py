@@ -21,8 +21,8 @@ from bench_stability import BASE, consolidated, initial, sheared
 from dem_runs import ROOT, RunCrashed, RunFailed, assembly, chain, run
 from scipy.stats import t
 
+from analysis.runs.peak_critical import stress_ratio
 from analysis.runs.run_file import read_run
-from analysis.runs.triaxial import stress_ratio
 from campaign.run_one import run_environment
 
 G_P = 25.7e9

@@ -34,8 +34,8 @@ from dem_runs import BUILD, D50, ROOT, RunCrashed, RunFailed, RunStopped, assemb
 from analysis.assembly import Assembly, AssemblyError, make_assembly, write_assembly
 from analysis.micromechanics import metrics
 from analysis.quantities import effective_inertial_number
+from analysis.runs.peak_critical import stress_ratio
 from analysis.runs.run_file import read_run, read_snapshot
-from analysis.runs.triaxial import stress_ratio
 
 ROWS = ROOT / "data" / "benchmarks" / "stability.csv"
 INITIAL, SHEARED = ("e_0", "Z_0"), ("eta", "e", "Z")

@@ -24,7 +24,7 @@ scene = sys.modules["yade_scripts.rve"] = ModuleType("yade_scripts.rve")  # proo
 scene.ProofError = RuntimeError
 
 from analysis.runs.archive import Archive  # noqa: E402
-from analysis.runs.triaxial import critical_state  # noqa: E402
+from analysis.runs.peak_critical import critical_state  # noqa: E402
 from yade_scripts.proofs import is_steady  # noqa: E402
 
 RUNS, OUT = ROOT / "data" / "laptop" / "runs.h5", ROOT / "data" / "benchmarks" / "steady.csv"

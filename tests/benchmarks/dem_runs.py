@@ -31,7 +31,7 @@ D50, SIGMA_LN = 0.248e-3, 0.174
 LONG_DOUBLE = ROOT / "tests" / "yade" / "scenes" / "in_long_double.py"
 #: The analysis that makes a row of a run, beside the scripts that make the run.
 MEASURING = (
-    "runs/run_file", "runs/states", "runs/triaxial", "micromechanics/snapshot", "micromechanics/metrics",
+    "runs/run_file", "runs/states", "runs/peak_critical", "micromechanics/snapshot", "micromechanics/metrics",
     "micromechanics/grading", "micromechanics/stiffness",
 )  # fmt: skip
 #: Scripts whose runs repeat earlier ones' to the last digit; rows go by the earlier name.  To be entered, proven by

@@ -11,10 +11,10 @@ import synthetic_results
 from campaign_cases import finish, make_small, needs_batch
 
 import analysis.figures
-from analysis.base import GrainScatterError
+from analysis.errors_and_files import GrainScatterError
 from analysis.figures import FIGURES
 from analysis.results.reader import read_results
-from analysis.runs.triaxial import stress_ratio
+from analysis.runs.peak_critical import stress_ratio
 from analysis.tables.registry import TABLES
 from campaign import evaluate
 from campaign.__main__ import main

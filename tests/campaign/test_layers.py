@@ -12,7 +12,7 @@ from paths import ROOT
 LAYERS = ("files", "progress", "config", "folder", "run_one", "row", "plan", "prepare", "products", "batches",
           "engine_local", "engine_slurm", "status", "evaluate", "__main__")  # fmt: skip
 #: Modules of `analysis` that need the standard library only, and may be imported when a module is loaded.
-LIGHT = {"analysis.base", "analysis.quantities"}
+LIGHT = {"analysis.errors_and_files", "analysis.quantities"}
 SOURCES = {path.stem: ast.parse(path.read_text()) for path in (ROOT / "campaign").glob("*.py")}
 
 

@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 from campaign_cases import ROOT, Small, same_arrays
 
-from analysis.runs.triaxial import stress_ratio
+from analysis.runs.peak_critical import stress_ratio
 from campaign.config import jobs
 
 #: A run taken up from a checkpoint against the same run undisturbed: the largest mean difference along the strain, as a

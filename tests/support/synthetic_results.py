@@ -24,6 +24,7 @@ from analysis.inputs import joint, marginals
 from analysis.points import RepresentativePoints
 from analysis.quantities import RECORD
 from analysis.results import build
+from analysis.tables import evaluate
 
 DENSITIES = (0.001, 0.04, 0.1)
 SIGMA_3 = 100e3
@@ -234,6 +235,12 @@ def example(noise=0.0):
     folder = Path(tempfile.mkdtemp(prefix="example-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     return build.build_results(folder, *make_campaign(folder, n=5, noise=noise, families=("coupled", "G_p")))
+
+
+@functools.lru_cache
+def frames(noise=0.0):
+    """All tables of `example(noise)`, computed once per session."""
+    return evaluate(example(noise))
 
 
 def consolidated_per_point(results, packings=(1,)):

@@ -11,8 +11,8 @@ import yade_runs
 
 from analysis.assembly import make_assembly, write_assembly
 from analysis.micromechanics import metrics
+from analysis.runs.peak_critical import stress_ratio
 from analysis.runs.run_file import ENDING, read_run, read_snapshot
-from analysis.runs.triaxial import stress_ratio
 
 pytestmark = pytest.mark.yade
 MU_S, G_P = 0.3, 20e9

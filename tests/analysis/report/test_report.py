@@ -15,11 +15,14 @@ from paths import ROOT
 
 from analysis.figures import FIGURES
 from analysis.pdem import weighted
-from analysis.report import page, reliability, sections, setting, wording
+from analysis.report import conditions, page, reliability, sections, wording
 from analysis.results.build import build_results
 from analysis.results.reader import read_results
 from analysis.tables import evaluate, other_runs, run_quality
 from campaign.config import SECTIONS
+
+#: The tables behind `wording.run_notes`.
+NOTES = ("runs", "run_counts", "design", "archived_runs")
 
 
 class Page(HTMLParser):
@@ -53,7 +56,7 @@ def html_page(results, tmp_path_factory):
     """The page drawn with stand-in pictures: drawing the figures is tested elsewhere."""
     picture = tmp_path_factory.mktemp("report") / "picture.png"
     picture.write_bytes(b"\x89PNG\r\n")
-    content = sections.Content(results, evaluate(results), dict.fromkeys(FIGURES, picture))
+    content = sections.Content(results, synthetic.frames(0.02), dict.fromkeys(FIGURES, picture))
     source = page.page("Campaign x", sections.sections(content, "x"))
     return source, Page(source)
 
@@ -95,7 +98,7 @@ def test_the_numbers_are_those_of_the_results(html_page, results):
 def test_failures_and_early_stops_are_said_with_their_numbers(tmp_path):
     plan, points, info = synthetic.make_campaign(tmp_path, n=6, steady=(2,), failed=(3,))
     results = read_results(build_results(tmp_path, plan, points, info, max_lost_probability=0.5))
-    notes = " ".join(wording.run_notes(results, evaluate(results)))
+    notes = " ".join(wording.run_notes(results, evaluate(results, NOTES)))
     assert "3 of 39 runs failed." in notes and "servo error 0.08" in notes and "3 shear runs stopped early" in notes
     losses = run_quality.losses(results)
     lost = float(points.probability[points.id == 3][0])
@@ -113,7 +116,7 @@ def test_runs_on_collapsed_packings_are_marked_and_counted(tmp_path):
     marked = run_quality.runs(results).query("collapsed")
     assert marked[["stage", "point", "mu_iso"]].to_numpy().tolist() == [["probe", 3, 0.1], ["shear", 3, 0.1]]
     assert "2 probes and shear runs start from a collapsed packing" in " ".join(
-        wording.run_notes(results, evaluate(results))
+        wording.run_notes(results, evaluate(results, NOTES))
     )
 
 
@@ -128,20 +131,20 @@ def test_noise_and_widths_are_told(results):
 
 def test_the_report_says_which_test_it_is_and_where_it_is_not_the_papers(results):
     asked = {name: asdict(kind()) for name, kind in SECTIONS.items()}
-    usual = setting.conditions(replace(results, attrs=results.attrs | {"settings": asked}))
+    usual = conditions.conditions(replace(results, attrs=results.attrs | {"settings": asked}))
     assert len(usual) == 1 and "d50 = 0.248 mm" in usual[0] and "100 kPa" in usual[0] and "logarithmic" in usual[0]
     asked["consolidation"]["sigma_3_kPa"] = 500.0
     asked["dem"]["stiffness_scale"] = 0.01
-    other = setting.conditions(replace(results, attrs=results.attrs | {"settings": asked}))
+    other = conditions.conditions(replace(results, attrs=results.attrs | {"settings": asked}))
     assert "500 kPa instead of 100, 0.01 of the grains' stiffness" in other[1]
 
 
 def test_the_report_says_what_the_runs_used_and_which_setting_was_asked_for(results):
-    frames = evaluate(results)
-    text = setting.accuracy(results, frames)
+    frames = synthetic.frames(0.02)
+    text = conditions.accuracy(results, frames)
     assert "no named setting" in text and "27 spheres" in text and "inertial number 0.001" in text and "0.8" in text
     named = replace(results, attrs=results.attrs | {"config": '[dem]\naccuracy = "5%"\n'})
-    assert "the 5% setting" in setting.accuracy(named, frames)
+    assert "the 5% setting" in conditions.accuracy(named, frames)
 
 
 def beside(results):

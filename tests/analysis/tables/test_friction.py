@@ -15,6 +15,8 @@ from analysis.results.build import build_results
 from analysis.results.reader import Results, read_results
 from analysis.tables import evaluate, friction
 
+FRICTION = ("friction", "published_shear", "density_differences")
+
 
 def built(folder, **options):
     plan, points, info = synthetic.make_campaign(folder, **options)
@@ -78,7 +80,7 @@ def test_the_modulus_is_that_of_the_points_of_that_friction(campaign):
 
 
 def test_the_report_has_the_table_and_the_figure_its_curves(campaign):
-    html = friction_html(evaluate(campaign))
+    html = friction_html(evaluate(campaign, FRICTION))
     assert "mu_iso = 0.04" in html and html.count("<tr") == 1 + critical_eta(campaign)["mu_s"].nunique()
     figure = along(campaign, friction.friction_curves(campaign))
     for axis in figure.axes:
@@ -89,7 +91,7 @@ def test_the_report_has_the_table_and_the_figure_its_curves(campaign):
 
 def test_few_points_one_packing_and_one_density_make_no_false_statement(tmp_path):
     few = read_results(synthetic.example())
-    assert not len(friction.friction_table(few)) and "No table" in friction_html(evaluate(few))
+    assert not len(friction.friction_table(few)) and "No table" in friction_html(evaluate(few, FRICTION))
     assert all(len(axis.lines) == 3 for axis in along(few, friction.friction_curves(few)).axes)
     frame = critical_eta(built(tmp_path / "packing", n=12, noise=0.02))
     assert (

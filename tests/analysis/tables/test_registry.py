@@ -12,7 +12,7 @@ import synthetic_results as synthetic
 from analysis import tables
 from analysis.pdem import weighted
 from analysis.quantities import QUANTITIES
-from analysis.results.reader import read_results
+from analysis.results.reader import ResultsError, read_results
 from analysis.tables import claim_statistics, published, states
 
 
@@ -20,7 +20,7 @@ from analysis.tables import claim_statistics, published, states
 def written(tmp_path_factory):
     """Tables of a campaign of five points with noise: (points, dict of frames)."""
     folder = tmp_path_factory.mktemp("tables")
-    paths = tables.write_tables(tables.evaluate(synthetic.example(noise=0.02)), folder)
+    paths = tables.write_tables(synthetic.frames(0.02), folder)
     assert all(path.parent == folder / "tables" for path in paths) and not list(folder.glob("tables/*.part"))
     frames = {path.stem: pd.read_csv(path) for path in paths}
     both = {name: frame.query("family == 'coupled'") if "family" in frame else frame for name, frame in frames.items()}
@@ -122,10 +122,15 @@ def test_points_are_in_gigapascal(written):
 
 def test_every_table_is_computed_once_and_is_what_its_function_gives(written):
     results = read_results(synthetic.example(noise=0.02))
-    frames = tables.evaluate(results)
+    frames = synthetic.frames(0.02)
     assert set(frames) == {*tables.TABLES, *tables.REPORT_TABLES, "published_shear", "density_differences"}
-    for name, table in (tables.TABLES | tables.REPORT_TABLES).items():
-        pd.testing.assert_frame_equal(frames[name], table(results))
+    some = ["points", "states_that_are_none"], ["points", "runs", "density_differences"]
+    with pytest.raises(ResultsError, match="no table states_that_are_none"):
+        tables.evaluate(results, some[0])
+    again = tables.evaluate(results, some[1])
+    assert set(again) == {"points", "runs", "friction", "density_differences"}
+    for name, frame in again.items():
+        pd.testing.assert_frame_equal(frames[name], frame)
 
 
 def test_any_two_tables_can_be_joined_on_their_quantities(written):

@@ -7,7 +7,7 @@ import hashlib
 import h5py
 import pytest
 
-from analysis.base import GrainScatterError, atomic_write, digest, open_hdf5
+from analysis.errors_and_files import GrainScatterError, atomic_write, digest, open_hdf5
 
 
 def test_a_file_is_written_whole(tmp_path):

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import stdtrit
 
-from ..base import GrainScatterError
+from ..errors_and_files import GrainScatterError
 
 #: Correlation strain of the stress ratio at the critical state, and so about the length of a block.
 CORRELATION_STRAIN = 0.03

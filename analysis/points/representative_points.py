@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..base import GrainScatterError
+from ..errors_and_files import GrainScatterError
 
 if TYPE_CHECKING:
     import pandas as pd
