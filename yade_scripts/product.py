@@ -101,7 +101,8 @@ class Product:
         if self.probe:
             _write_group(file.create_group("probe"), self.probe)
         if self.state:
-            file.create_dataset("state", data=np.frombuffer(self.state, np.uint8))
+            data = file.create_dataset("state", data=np.frombuffer(self.state, np.uint8))
+            data.attrs["sha256"] = hashlib.sha256(self.state).hexdigest()
 
 
 def _write_group(group, values: dict) -> None:
@@ -116,13 +117,17 @@ def _write_group(group, values: dict) -> None:
 def load_start(path: str) -> dict:
     """Load the scene embedded in a product into YADE and return the product's parameters.
 
-    Raises ProductError where the file is missing, truncated or holds no state.
+    A scene executes what it contains, so format and sum are compared before (products of earlier scripts have no sum).
+    Raises ProductError where the file is missing, truncated or damaged, or holds no state.
     """
     try:
         with h5py.File(path, "r") as file:
-            if not file.attrs.get("complete", False) or "state" not in file:
+            if file.attrs.get("format") != FORMAT or not file.attrs.get("complete", False) or "state" not in file:
                 raise ProductError(f"start {path}: holds no complete state")
-            load_scene(file["state"][()].tobytes())
+            state = file["state"][()].tobytes()
+            if (found := hashlib.sha256(state).hexdigest()) != file["state"].attrs.get("sha256", found):
+                raise ProductError(f"start {path}: its state is damaged (sha256 {found[:10]} is not the one written)")
+            load_scene(state)
             return dict(file["parameters"].attrs) | {"stage": file.attrs["stage"]}
     except (OSError, KeyError) as error:
         raise ProductError(f"start {path}: cannot be read ({error})") from error

@@ -26,6 +26,7 @@ from yade.wrapper import (
     PyRunner,
 )
 
+from analysis.assembly import BOX_MARGIN
 from yade_scripts.inertia import rayleigh_step, set_inertia
 
 O = Omega()  # noqa: E741  YADE's own name for its scene
@@ -88,7 +89,7 @@ def set_engines(p, calc_energy: bool = False) -> None:
     """
     O.engines = [
         ForceResetter(),
-        InsertionSortCollider([Bo1_Sphere_Aabb()], verletDist=-0.05, label="collider"),
+        InsertionSortCollider([Bo1_Sphere_Aabb()], verletDist=-BOX_MARGIN, label="collider"),
         InteractionLoop(
             [Ig2_Sphere_Sphere_ScGeom()],
             [Ip2_FrictMat_FrictMat_MindlinPhys()],

@@ -20,6 +20,7 @@ from yade_scripts.record import Windows, snapshot
 from yade_scripts.rve import O
 from yade_scripts.stage import main
 from yade_scripts.start import begin
+from yade_scripts.thin_cell import Advance
 
 SAMPLES_PER_WINDOW = 20
 
@@ -34,6 +35,9 @@ def protocol(p, product) -> None:
         rve.servo_triaxial(p, p.strain_end)
         windows = Windows(p)
         product.snapshots = [snapshot("start", 0.0)]
+    advance = Advance(p, windows.rows[-1]["eps_a"])
+    if not (product.resumed or p.stop_when_steady):
+        advance.check_end()
     wanted = [s for s in strains(p.snapshots) if s > product.snapshots[-1]["eps_a"]]
 
     def watch():
@@ -47,6 +51,7 @@ def protocol(p, product) -> None:
             product.snapshots.append(snapshot("end", sample["eps_a"]))
             rve.stop()
         else:
+            advance.check(sample["eps_a"])
             checkpoint.save_when_due(windows)
 
     rve.every(sampling_period(p, windows), watch)

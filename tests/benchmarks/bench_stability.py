@@ -4,6 +4,9 @@
     python3 tests/benchmarks/bench_stability.py --axis A   only those of one axis
     python3 tests/benchmarks/bench_stability.py --table    only verdicts and counts of the rows there are
 
+The cells of the axis "full strain" go on to their own last strain, which is that of the record (`strain`), and are held
+against their references over the first 4 % as all others are; those that `plan` refuses for a thin cell are *refused*.
+
 A cell is one chain consolidate -> shear to 4 % strain with one or two parameters changed.  It is held against the same
 physical case with the grains' own inertia and the standard servo: e and Z of the consolidated packing against those of
 three other packings at half the step, and then, sheared at half the cell's step or less and a third of its rate or less
@@ -36,13 +39,15 @@ from analysis.micromechanics import metrics
 from analysis.quantities import effective_inertial_number
 from analysis.runs.peak_critical import stress_ratio
 from analysis.runs.run_file import read_run, read_snapshot
+from campaign.cell import check_cell
+from campaign.config import ConfigError, parse_config
 
 ROWS = ROOT / "data" / "benchmarks" / "stability.csv"
 INITIAL, SHEARED = ("e_0", "Z_0"), ("eta", "e", "Z")
 MEASURED = (*INITIAL, *SHEARED)
 COLUMNS = ("scripts", "axis", "value", "second", "N", "outcome", "reason", "repeats", "pairs", *MEASURED,
            *(f"{k}_reference" for k in MEASURED), *(f"{k}_scatter" for k in INITIAL), *(f"{k}_error" for k in SHEARED),
-           "energy_error", "servo_mean_error", "dt", "steps", "cpu_seconds")  # fmt: skip
+           "energy_error", "servo_mean_error", "dt", "steps", "cpu_seconds", "strain")  # fmt: skip
 BASE = {
     "N": 200,
     "seed": 1,
@@ -83,6 +88,13 @@ MODULUS = (1e8, 1e9, 1e10, 25.7e9, 1e11, 1e12)
 WIDTH = (0.0, 0.1, 0.174, 0.25, 0.35, 0.5)
 GAIN, DAMPING = (1e-4, 1e-3, 5e-3, 0.02, 0.05, 0.1, 0.5, 2.0), (0.0, 0.4, 0.8, 0.99)
 SQUEEZE = (1.0, 1.02, 1.05, 1.1, 1.2, 1.5)
+#: Last strains of the other cells, and of those that are sheared to the end: N, that strain and further changes.
+STRAIN, WINDOWS = 0.04, 16
+FULL_STRAIN = (
+    (64, 0.13, {}), (80, 0.2, {}), (80, 0.4, {}), (100, 0.26, {}), (100, 0.4, {}), (160, 0.4, {}), (400, 0.67, {}),
+    (400, 1.0, {}), (200, 0.11, {"sigma_ln": 0.35}), (1000, 0.4, {"sigma_ln": 0.5}),
+    (300, 0.21, {"distribution": "well_graded"}), (1000, 0.4, {"distribution": "gap_graded"}),
+)  # fmt: skip
 
 
 def cells():
@@ -141,6 +153,9 @@ def _named_cells():
             yield "rate x stiffness", rate, stiffness, {"inertial_number": rate, "stiffness_scale": stiffness}
         for mu_s in (0.03, 0.9):
             yield "rate x friction", rate, mu_s, {"inertial_number": rate, "mu_s": mu_s}
+    for size, strain, changes in FULL_STRAIN:
+        words = [f"strain {strain:g}", *(f"{v}" for v in changes.values())]
+        yield "full strain", size, " ".join(words), {"N": size, "strain_end": strain, **changes}
 
 
 def main() -> None:
@@ -182,7 +197,7 @@ def main() -> None:
 
 def finer(case: dict) -> dict:
     """The reference of a cell: the same physical case, slower, at a smaller step, with the grains' own inertia."""
-    fine = {k: v for k, v in case.items() if not k.startswith("servo_") and k != "squeeze"}
+    fine = {k: v for k, v in case.items() if not k.startswith("servo_") and k not in ("squeeze", "strain_end")}
     return fine | {"timestep_factor": min(0.5, case["timestep_factor"] / 2), "density_scaling": 0,
                    "inertial_number": min(8e-4, _rate(case) / 3)}  # fmt: skip
 
@@ -210,7 +225,7 @@ def _repeats(case: dict) -> dict:
     Nothing of the cell where a run crashed or was stopped, which is wrong; only the counts where LEAST pairs are not
     left.
     """
-    mine, fine = [], []
+    mine, fine, case = [], [], {k: v for k, v in case.items() if k != "strain_end"}
     for n in range(1, REPEATS + 1):
         changed = {"seed": case["seed"] + n} if collapses(case) else {"mu_s": case["mu_s"] * (1 - 1e-9 * n)}
         try:
@@ -255,11 +270,13 @@ def measured(case: dict) -> dict:
     """The row of one cell: what it and its reference give, or how it ended; the verdict comes later."""
     row, fine = {"scripts": row_digest(), "N": case["N"], "repeats": 1, "pairs": 1}, finer(case)
     try:
+        if "strain_end" in case:
+            check_cell(_campaign(case))
         start = consolidated(case)
         mine, told = sheared(start, case)
     except (RunCrashed, RunStopped) as error:
         return row | {"outcome": "wrong", "reason": f"crashed or stopped: {error}"}
-    except (RunFailed, AssemblyError) as error:
+    except (RunFailed, AssemblyError, ConfigError) as error:
         return row | {"outcome": "refused", "reason": str(error).replace(f"{BUILD}/", "")}
     row |= mine | told | initial(start)
     try:
@@ -319,14 +336,26 @@ def initial(product) -> dict:
 
 def sheared(start, case: dict, yade: str = "yade") -> tuple[dict, dict]:
     """eta over 0.5-4 % strain, e at its end, Z over 2-4 %, and what the run says of itself.  Raises RunFailed."""
-    left_out = ("N", "sigma_ln", "distribution", "size_ratio", "squeeze")
+    left_out = ("N", "sigma_ln", "distribution", "size_ratio", "squeeze", "strain_end")
     values = {k: v for k, v in case.items() if k not in left_out}
-    shear = read_run(run("shear", yade, start=start, strain_end=0.04, windows=16, snapshots="", **values))
-    strain = shear.record["eps_a"]
-    eta = float(stress_ratio(shear.record["sigma"])[strain > 0.005].mean())
-    mine = {"eta": eta, "e": float(shear.record["e"][-1]), "Z": float(shear.record["Z"][strain > 0.02].mean())}
+    end = case.get("strain_end", STRAIN)
+    windows = round(WINDOWS * end / STRAIN)
+    shear = read_run(run("shear", yade, start=start, strain_end=end, windows=windows, snapshots="", **values))
+    strain, sigma, e, Z = (shear.record[k][: WINDOWS + 1] for k in ("eps_a", "sigma", "e", "Z"))
+    mine = {"eta": float(stress_ratio(sigma)[strain > 0.005].mean()), "e": float(e[-1])}
+    mine["Z"] = float(Z[strain > 0.02].mean())
     told = {k: float(shear.proofs[k]) for k in ("energy_error", "servo_mean_error")}
+    told["strain"] = float(shear.record["eps_a"][-1])
     return mine, told | {"dt": shear.timing["dt_mean"], **{k: shear.timing[k] for k in ("steps", "cpu_seconds")}}
+
+
+def _campaign(case: dict):
+    """The campaign file of a cell, as far as `plan` looks at it for thin cells."""
+    return parse_config(
+        f"[assembly]\nN = {case['N']}\nsigma_ln = {case['sigma_ln']}\ndistribution = {case['distribution']!r}\n"
+        f"[consolidation]\nmu_iso = [{case['mu_iso']}]\n"
+        f"[shear]\nstrain_end = {case['strain_end']}\ninertial_number = {case['inertial_number']}\n", "plan",
+    )  # fmt: skip
 
 
 def _assembly(case: dict):

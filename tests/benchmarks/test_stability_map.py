@@ -30,6 +30,24 @@ def test_there_are_150_cells_and_no_two_come_to_the_same_run():
     assert len(cells) == len(texts) >= 150
 
 
+def test_of_twelve_cells_sheared_to_the_end_plan_refuses_those_that_are_too_thin():
+    refused = []
+    for axis, N, words, changes in bench_stability.cells():
+        if axis == "full strain":
+            try:
+                bench_stability.check_cell(bench_stability._campaign(bench_stability.BASE | changes))
+            except bench_stability.ConfigError as error:
+                assert f"N = {N} " in str(error)
+                refused.append((N, words.split()[1]))
+    assert refused == [(80, "0.4"), (100, "0.4"), (400, "1"), (1000, "0.4"), (1000, "0.4")]
+    assert len(bench_stability.FULL_STRAIN) == 12
+
+
+def test_a_reference_is_sheared_no_further_than_its_cell_is_compared():
+    case = bench_stability.BASE | {"strain_end": 0.4}
+    assert "strain_end" not in bench_stability.finer(case)
+
+
 def test_what_packings_scatter_by_is_not_called_wrong():
     outcome = pd.concat([bench_stability.judged(rows(seed=seed)) for seed in range(20)]).outcome
     assert set(outcome) <= {"right", "wrong"} and (outcome == "wrong").mean() < 0.02

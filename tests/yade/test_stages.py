@@ -1,6 +1,7 @@
 """The three stages in a real YADE, on a packing small enough for a test: what they prove, repeat and refuse."""
 
 import json
+import pickle
 import re
 import shutil
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 import yade_runs
 
-from analysis.assembly import make_assembly, write_assembly
+from analysis.assembly import SHORTEST_EDGE, make_assembly, write_assembly
 from analysis.micromechanics import metrics
 from analysis.runs.peak_critical import stress_ratio
 from analysis.runs.run_file import ENDING, read_run, read_snapshot
@@ -166,6 +167,75 @@ def test_a_killed_run_goes_on_from_its_checkpoint(folder, energy_strain):
     assert np.all(np.diff(run.record["eps_a"]) > 0) and run.proofs["energy_error"] < 0.01
     beyond = run.record["eps_a"] > energy_strain
     assert np.array_equal(np.isnan(run.record["E_friction"]), beyond) and beyond.any()
+
+
+def test_a_checkpoint_is_read_to_the_last_bit_and_only_where_it_fits():
+    """Old and foreign files are told in one line, and nothing in them is executed."""
+    said = yade_runs.scene("checkpoint_files")
+    assert said["same"] and said["ran"] == 0
+    for name, words in {
+        "pickle": "another format", "pickle inside": "damaged", "nested": "another format", "empty": "another format",
+        "other run": "run_id = 'r', not 's'", "other scripts": "scripts 0000000000, not 1111111111",
+        "other value": "mu_s = 0.1, not 0.2", "flipped": "damaged", "cut": "damaged", "newer": "format_version = 2",
+    }.items():  # fmt: skip
+        assert words in said[name] and "\n" not in said[name], name
+
+
+def test_a_run_beside_an_old_checkpoint_starts_anew_and_executes_nothing_of_it(folder):
+    class Bomb:
+        def __reduce__(self):
+            return (open, ("executed", "w"))
+
+    (folder / "old.checkpoint").write_bytes(pickle.dumps({"identity": Bomb(), "scene": b""}))
+    done = yade_runs.stage("shear", folder, description="old", **SHEAR | {"strain_end": 0.002})
+    assert done.returncode == 0, done.stderr
+    assert not (folder / "executed").exists() and not (folder / "old.checkpoint").exists()
+    lines = [line for line in done.stdout.splitlines() if "checkpoint" in line]
+    assert lines == ["old: old.checkpoint is not used, the run starts anew: it is of another format"]
+    assert read_run(folder / "old.h5").attrs["resumed"] == 0
+
+
+def test_a_start_whose_scene_is_damaged_is_refused(folder):
+    shutil.copy(folder / "probe.h5", folder / "flipped.h5")
+    with h5py.File(folder / "flipped.h5", "r+") as file:
+        file["state"][1000] ^= 1
+    done = yade_runs.stage("shear", folder, description="from_flipped", **SHEAR | {"start": "flipped.h5"})
+    assert done.returncode == 1 and "flipped.h5: its state is damaged" in done.stderr
+
+
+def test_the_controller_stops_an_edge_at_2_1_boxes_of_the_largest_grain_and_the_checks_say_so():
+    said = yade_runs.scene("thin_cell")
+    assert said["stopped"] == pytest.approx(SHORTEST_EDGE, rel=1e-3)
+    assert said["span"] == pytest.approx(said["box"], rel=1e-9) == pytest.approx(said["before"], rel=1e-9)
+    for name, words in {
+        "refused at once": "strain_end = 1 cannot be reached, YADE stops the cell at strain 0.6",
+        "at the limit": "stands still at 0.3 of 1, edge 0.5", "no growth": "stands still at 0.1 of 1: 0 in 60 steps",
+    }.items():  # fmt: skip
+        assert words in said[name] and "limit" in said[name] and "\n" not in said[name], name
+    assert not (said["short enough"] or said["early"] or said["growth"])
+
+
+@pytest.fixture(scope="module")
+def thin(tmp_path_factory):
+    """A folder with a consolidated packing of 64 spheres, whose cell stops at a strain of about 0.2."""
+    path = tmp_path_factory.mktemp("thin")
+    write_assembly(path / "assembly.h5", make_assembly(64, 0.248e-3, 0.174, seed=1))
+    row = {"assembly": "assembly.h5", "mu_iso": 0.04, "G_p": 25.7e9}
+    assert yade_runs.stage("consolidate", path, description="consolidate", **row).returncode == 0
+    return path
+
+
+@pytest.mark.parametrize("stop_when_steady", [0, 1])
+def test_a_cell_too_thin_for_its_strain_fails_with_strain_edge_and_limit(thin, stop_when_steady):
+    """At once, and where a run may end earlier than at strain_end, when its strain stands still."""
+    row = SHEAR | {"start": "consolidate.h5", "strain_end": 0.4, "stop_when_steady": stop_when_steady}
+    name = f"thin_{stop_when_steady}"
+    assert yade_runs.stage("shear", thin, description=name, **row).returncode == 1
+    reason = json.loads((thin / f"{name}.failed.json").read_text())["reason"]
+    strain, edge, limit = (float(re.search(rf"{word} ([\d.e-]+)", reason)[1])
+                           for word in ("at(?: strain)?", "edge", "largest grain ="))  # fmt: skip
+    assert 0.17 < strain < 0.23 and 1.0 < edge / limit < 1.03, reason
+    assert reason.startswith("thin cell: ") and ("cannot be reached" in reason) == (not stop_when_steady)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,125 @@
+"""The rule for thin cells: how far a campaign's shear runs can shorten their periodic cell, known before they are run.
+
+YADE's PeriTriaxController does not shorten an edge below 2.1 spans of the largest grain, and says nothing: the strain
+stands still and the run goes on for ever.  A cell of N spheres with the solid volume V_s and the solid fraction phi has
+the edge (V_s / phi)^(1/3) at the start of shear, so that it stops at the logarithmic strain
+
+    ln( (V_s / phi)^(1/3) / (2.1 span + step) ),    span = d_max + 0.05 d_min,
+
+with the strain of one time step in m, as the controller compares it.  A scatter of the edges is taken off.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+
+from campaign.config import Config, ConfigError
+from campaign.plan import predicted_steps
+
+#: Solid fraction of a packing over that of the densest one of its grading, by friction during consolidation (N = 1,000
+#: to 4,000, sigma_ln = 0.174). Grains of low mu_s collapse to a denser packing: friction beyond the last value counts
+#: as that value.
+LOOSER = ((0.001, 1.0), (0.04, 0.968), (0.1, 0.943))
+#: Solid fraction that no grading is taken to exceed, and that which the check before consolidation reckons with.
+DENSEST, DENSEST_BEFORE = 0.76, 0.68
+#: Edges of consolidated cells scatter by about this over sqrt(N), relative (2.6 % for N = 100).
+EDGE_SCATTER = 0.25
+#: The strain of one step is larger than predicted for soft grains and at high mean stress.
+STEP_MARGIN = 1.5
+MOST_GRAINS = 1_000_000
+
+
+@dataclass(frozen=True)
+class Reach:
+    """Strain at which the cell is expected to stop, and up to which it surely goes; negative: it stops before shear."""
+
+    stops: float
+    safe: float
+
+
+def check_cell(config: Config) -> None:
+    """Refuse a campaign whose cell stops before `shear.strain_end`.
+
+    Raises ConfigError with one line that names N, grading, both strains, and the N or the strain_end that would do.
+    """
+    grains, wanted, file = config.assembly, config.shear.strain_end, config.source.name
+    reach = reach_of(config, grains.N)
+    if reach.safe >= wanted:
+        return
+    _, largest, smallest, _ = _grading(grains.N, grains.sigma_ln, grains.distribution)
+    grading = f"{grains.distribution}, sigma_ln = {grains.sigma_ln:g}, sizes 1 to {largest / smallest:.3g}"
+    enough = smallest_number(config)
+    advice = [f"N >= {enough}"] if enough else []
+    if (strain := math.floor(reach.safe * 100.0) / 100.0) > 0.0:
+        advice.append(f"shear.strain_end <= {strain:g}")
+    where = f"at a strain of about {reach.stops:.3g}" if reach.stops > 0.0 else "before shear begins"
+    why = f" (less {reach.stops - reach.safe:.2g} for the scatter of cells)" if wanted < reach.stops else ""
+    raise ConfigError(
+        f"{file}: assembly.N = {grains.N} ({grading}) gives too thin a cell: YADE stops it {where}{why}, "
+        f"shear.strain_end = {wanted:g}; use {' or '.join(advice) or 'a narrower grading or larger grains'}"
+    )
+
+
+def reach_of(config: Config, N: int) -> Reach:
+    """How far a cell of N of the campaign's grains can be sheared."""
+    grains, end = config.assembly, config.shear.strain_end
+    volume, largest, smallest, densest = _grading(N, grains.sigma_ln, grains.distribution)
+    d50 = grains.d50_mm * 1e-3
+    step = STEP_MARGIN * end / predicted_steps("shear", _values(config)) / d50
+    box = _shortest(largest, smallest)
+    edge = (volume / (densest * _looser(min(config.consolidation.mu_iso)))) ** (1.0 / 3.0)
+    stops = math.log(edge / (box + step))
+    # yade_scripts/consolidate.py refuses a cell whose edge will be less than 2.1 diameters at a solid fraction of 0.68
+    before = math.log((volume / DENSEST_BEFORE) ** (1.0 / 3.0) / (2.1 * largest))
+    safe = stops - EDGE_SCATTER / math.sqrt(N)
+    return Reach(stops, safe if before > 0.0 else min(safe, before))
+
+
+def smallest_number(config: Config) -> int:
+    """A number of grains whose cell reaches `shear.strain_end`: the least, rounded up; 0 if a million do not."""
+    wanted, low, N = config.shear.strain_end, 32, 64
+    while (safe := reach_of(config, N).safe) < wanted:  # edges grow as N^(1/3), the largest grain a little
+        if N == MOST_GRAINS:
+            return 0
+        low, N = N, min(MOST_GRAINS, math.ceil(N * math.exp(max(0.05, 3.5 * (wanted - safe)))))
+    while (1.03 if N < 10_000 else 1.15) * low + 1 < N:
+        middle = round(math.sqrt(low * N))
+        low, N = (low, middle) if reach_of(config, middle).safe >= wanted else (middle, N)
+    unit = 10 ** max(0, len(str(N)) - 2)
+    return -(-N // unit) * unit
+
+
+def _values(config: Config) -> dict[str, float]:
+    """The parameters of a shear run at the reference modulus, for the number of its steps."""
+    return {"G_p": config.consolidation.G_ref_GPa * 1e9, "stiffness_scale": config.dem.stiffness_scale,
+            "sigma_3": config.consolidation.sigma_3_kPa * 1e3, "timestep_factor": config.dem.timestep_factor,
+            "density_scaling": int(config.dem.density_scaling), "strain_end": config.shear.strain_end,
+            "inertial_number": config.shear.inertial_number, "mu_s": 0.0}  # fmt: skip
+
+
+def _looser(mu_iso: float) -> float:
+    """Solid fraction over that of the densest packing, interpolated in LOOSER."""
+    if mu_iso <= LOOSER[0][0]:
+        return LOOSER[0][1]
+    for (mu, share), (next_mu, next_share) in zip(LOOSER, LOOSER[1:], strict=False):
+        if mu_iso <= next_mu:
+            return share + (next_share - share) * (mu_iso - mu) / (next_mu - mu)
+    return LOOSER[-1][1]
+
+
+def _shortest(largest: float, smallest: float) -> float:
+    from analysis.assembly import BOX_MARGIN, SHORTEST_EDGE
+
+    return SHORTEST_EDGE * (largest + BOX_MARGIN * smallest)
+
+
+@cache
+def _grading(N: int, sigma_ln: float, distribution: str) -> tuple[float, float, float, float]:
+    """Solid volume, largest and smallest diameter in units of d50, and the densest solid fraction of N grains."""
+    from analysis.assembly import densest_fraction, diameters
+
+    d = diameters(N, 1.0, sigma_ln, distribution)
+    volume = float(math.pi / 6.0 * (d**3).sum())
+    return volume, float(d[-1]), float(d[0]), min(DENSEST, densest_fraction(d))
