@@ -50,6 +50,11 @@ class CopulaFit:
         """The fitted copula."""
         return Copula(self.family, self.parameters)
 
+    @property
+    def at_bounds(self) -> tuple[tuple[str, float, str], ...]:
+        """Parameters at an end of their range: (name, limit, the simpler copula that it practically is, or "")."""
+        return _ends(family_of(self.family), self.parameters)
+
     def to_dict(self) -> dict[str, Any]:
         """A JSON-ready dictionary."""
         return asdict(self)
@@ -277,6 +282,25 @@ def _free_spread(kind: Family, u: np.ndarray, v: np.ndarray, free: np.ndarray, r
     meat = np.cov(influence.T, ddof=0).reshape(k, k)
     inverse = np.linalg.pinv(bread)
     return inverse @ meat @ inverse / n
+
+
+def _ends(kind: Family, parameters: tuple[float, ...]) -> tuple[tuple[str, float, str], ...]:
+    """As `CopulaFit.at_bounds`.  A fit stops a little before a limit, and Student's rho at tanh 4.9."""
+    found = []
+    for j, (name, limits) in enumerate(zip(kind.names, kind.bounds, strict=True)):
+        for limit in limits:
+            at = tuple(limit if i == j else value for i, value in enumerate(parameters))
+            distance = abs(float(kind.to_free(*at)[j]) - float(kind.to_free(*parameters)[j]))
+            if distance <= (0.06 if name == "rho" else 1e-3):
+                found.append((name, limit, _simpler(kind, name, limit)))
+    return tuple(found)
+
+
+def _simpler(kind: Family, name: str, limit: float) -> str:
+    """The copula that a family practically is at a limit: Gaussian for many degrees of freedom, or independence."""
+    if name == "nu":
+        return "gaussian" if limit == elliptical.LARGEST_NU else ""
+    return "independence" if kind.sign and limit == kind.bounds[0][0] else ""
 
 
 def _delta(

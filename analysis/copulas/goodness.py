@@ -8,7 +8,10 @@ from numpy.typing import ArrayLike
 from .fitting import fit_rows, pseudo_observations
 from .model import evaluate, family_of
 
-_CHUNK = 3_000_000  # elements of the largest temporary array
+#: Elements of the largest temporary array of the sum over pairs; small, so that it stays in the processor's cache.
+_CHUNK = 250_000
+#: Larger samples are compared with simulated samples of this size: the distribution of S no longer depends on n there.
+LARGEST_SIMULATED = 5000
 
 
 def cramer_von_mises(z: np.ndarray) -> np.ndarray:
@@ -24,20 +27,58 @@ def cramer_von_mises(z: np.ndarray) -> np.ndarray:
     order = np.argsort(rows[..., 0], axis=1)
     a = np.take_along_axis(1.0 - rows[..., 0], order, axis=1)
     b = np.take_along_axis(1.0 - rows[..., 1], order, axis=1)
-    double = np.empty(len(rows))
-    step = max(1, _CHUNK // (n * n))
-    later = np.triu(np.ones((n, n)), 1).T
-    for start in range(0, len(rows), step):
-        part = slice(start, start + step)
-        smaller = np.minimum(b[part, :, None], b[part, None, :])
-        inner = np.einsum("rij,ij->ri", smaller, later)
-        double[part] = (a[part] * (2.0 * inner + b[part])).sum(axis=1)
+    double = _sum_over_pairs(a, b) if n <= LARGEST_SIMULATED else np.array(list(map(_sum_by_halves, a, b)))
     return (n / 9.0 - 0.5 * single + double / n).reshape(z.shape[:-2])
 
 
+def _sum_over_pairs(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Sums over i and j of min(a_i, a_j) min(b_i, b_j) for rows (R, n) with a falling: n^2 steps, in blocks."""
+    count, n = a.shape
+    inner = np.empty((count, n))
+    rows, columns = max(1, _CHUNK // (n * n)), min(n, max(1, _CHUNK // n))
+    edges = np.linspace(0, n, -(-n // columns) + 1).astype(
+        int
+    )  # no block of one column: its sum would have another order
+    for i, end in zip(edges[:-1], edges[1:], strict=True):
+        block = slice(i, end)
+        earlier = np.triu(np.ones((end - i, end - i)), 1)
+        for start in range(0, count, rows):
+            part = slice(start, start + rows)
+            smaller = np.minimum(b[part, :end, None], b[part, None, block])
+            smaller[:, i:] *= earlier
+            inner[part, block] = smaller.sum(axis=1)
+    return (a * (2.0 * inner + b)).sum(axis=1)
+
+
+def _sum_by_halves(a: np.ndarray, b: np.ndarray) -> float:
+    """The same sum of one row (n,): n log(n)^2 steps, by merging sorted halves.
+
+    At every level a block of 2 h values is sorted; for b_j in its second half, the sum of min(b_i, b_j) over the first
+    half is the sum of the smaller b_i plus b_j for each of the others.
+    """
+    size = 1 << max(1, (len(a) - 1).bit_length())
+    padded_a, padded_b = np.zeros((2, size))
+    padded_a[: len(a)], padded_b[: len(b)] = a, b
+    total, half = float((a * b).sum()), 1
+    while half < size:
+        block_a, block_b = padded_a.reshape(-1, 2 * half), padded_b.reshape(-1, 2 * half)
+        order = np.argsort(block_b, axis=1, kind="stable")
+        sorted_b = np.take_along_axis(block_b, order, axis=1)
+        first = order < half
+        smaller = np.cumsum(np.where(first, sorted_b, 0.0), axis=1)
+        others = half - np.cumsum(first, axis=1)
+        weight = np.where(first, 0.0, np.take_along_axis(block_a, order, axis=1))
+        total += 2.0 * float((weight * (smaller + sorted_b * others)).sum())
+        half *= 2
+    return total
+
+
 def independent_reference(n: int, n_boot: int, rng: np.random.Generator) -> np.ndarray:
-    """S (n_boot,) of samples of n pairs of independent uniforms: the reference of Eq. 4, too wide for fitted ranks."""
-    return cramer_von_mises(rng.random((n_boot, n, 2)))
+    """S (n_boot,) of samples of n pairs of independent uniforms: the reference of Eq. 4, too wide for fitted ranks.
+
+    Above LARGEST_SIMULATED pairs the samples have that size.
+    """
+    return cramer_von_mises(rng.random((n_boot, min(n, LARGEST_SIMULATED), 2)))
 
 
 def bootstrap_test(
@@ -46,11 +87,12 @@ def bootstrap_test(
     """S of pseudo-observations (n, 2) under a fitted copula with parameters (k,), and its p-value by bootstrap.
 
     Parametric bootstrap: each replicate draws n pairs from the fitted copula, ranks them, fits the family again and
-    computes S*; p = (1/2 + number of S* >= S) / (n_boot + 1).
+    computes S*; p = (1/2 + number of S* >= S) / (n_boot + 1).  Above LARGEST_SIMULATED pairs the replicates have that
+    size.
     """
     parameters = np.asarray(parameters, dtype=float)
     S = float(statistic(pairs[None], family, parameters[None])[0])
-    simulated = simulate_statistics(family, parameters, len(pairs), n_boot, rng)
+    simulated = simulate_statistics(family, parameters, min(len(pairs), LARGEST_SIMULATED), n_boot, rng)
     return S, float((0.5 + np.sum(simulated >= S)) / (n_boot + 1.0))
 
 

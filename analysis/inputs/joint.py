@@ -16,6 +16,8 @@ from ..copulas.multivariate import GaussianCopula, fit_gaussian
 from . import marginals
 from .pairs import check_pairs
 
+#: Resampled values that are refitted at a time, where samples have more than _LARGEST_AT_ONCE pairs.
+_AT_ONCE, _LARGEST_AT_ONCE = 4_000_000, 5000
 #: Limit of the quadrature in standard deviations of the normals; the probability beyond it is 6e-14.
 _REACH = 7.5
 
@@ -230,6 +232,13 @@ def bootstrap_joints(
     """
     pairs = check_pairs(pairs)
     joint = fit_joint(pairs, n_boot=0).joint if joint is None else joint
+    block = n_boot if len(pairs) <= _LARGEST_AT_ONCE else max(1, _AT_ONCE // len(pairs))
+    counts = [min(block, n_boot - start) for start in range(0, n_boot, max(1, block))]
+    return [refitted for count in counts for refitted in _refitted(pairs, count, rng, joint)]
+
+
+def _refitted(pairs: np.ndarray, n_boot: int, rng: np.random.Generator, joint: Joint) -> list[Joint]:
+    """The joint distributions of `bootstrap_joints`, of samples that fit into memory at once."""
     resampled = pairs[rng.integers(0, len(pairs), (n_boot, len(pairs)))]
     names = [list(m.params) for m in joint.marginals]
     columns = [marginals.fit_rows(resampled[..., i], m.family) for i, m in enumerate(joint.marginals)]

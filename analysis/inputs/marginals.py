@@ -18,6 +18,10 @@ from .marginal_families import FAMILIES, MarginalError, MarginalFamily, family_o
 
 SIMULATIONS = 2000
 _LARGEST_SIMULATION = 4_000_000  # simulated values at most; large samples have fewer simulations
+#: Larger samples are compared with simulated samples of this size: sqrt(n) D and A^2 no longer depend on n there.
+LARGEST_SIMULATED = 20_000
+#: Significance level of the two tests.
+LEVEL = 0.05
 #: Asymptotic 5 % point of sqrt(n) times the Kolmogorov-Smirnov statistic for known parameters.
 _KS_POINT = 1.358
 
@@ -102,8 +106,8 @@ def fit(x: ArrayLike, family: str, n_sim: int = SIMULATIONS, seed: int = 1) -> M
     """Fit one family to x (n,) by maximum likelihood, with standard errors from the observed information.
 
     `n_sim` samples from the fit give the reference distributions of the two goodness-of-fit statistics; with 0 those
-    fields are None.  Raises MarginalError for an unknown family, fewer than 3 values, values outside the support, or
-    values without scatter.
+    fields are None.  Above LARGEST_SIMULATED values the samples have that size.  Raises MarginalError for an unknown
+    family, fewer than 3 values, values outside the support, or values without scatter.
     """
     x = _checked(x, family)
     kind = family_of(family)
@@ -117,10 +121,13 @@ def fit(x: ArrayLike, family: str, n_sim: int = SIMULATIONS, seed: int = 1) -> M
     ks, ad = (float(value[0]) for value in _statistics(kind, x[None, :], estimate[None, :]))
     tests: dict[str, float] = {}
     if n_sim:
-        rows = max(200, min(n_sim, _LARGEST_SIMULATION // n))
-        samples = kind.ppf(np.random.default_rng(seed).random((rows, n)), *estimate)
-        simulated = _statistics(kind, samples, kind.mle(samples))
-        for name, value, reference in zip(("ks", "ad"), (ks, ad), simulated, strict=True):
+        size = min(n, LARGEST_SIMULATED)
+        rows = max(200, min(n_sim, _LARGEST_SIMULATION // size))
+        samples = kind.ppf(np.random.default_rng(seed).random((rows, size)), *estimate)
+        distances, squares = _statistics(kind, samples, kind.mle(samples))
+        if n > size:
+            distances = distances * np.sqrt(size / n)
+        for name, value, reference in (("ks", ks, distances), ("ad", ad, squares)):
             tests[f"{name}_critical_fitted"] = float(np.quantile(reference, 0.95))
             tests[f"{name}_p_fitted"] = float((0.5 + np.sum(reference >= value)) / (rows + 1))
     return Marginal(
@@ -144,6 +151,16 @@ def fit_all(
     """Fit every family to x (n,) and return the Marginals, smallest AIC first; raises MarginalError as `fit` does."""
     fits = [fit(x, family, n_sim, seed) for family in families]
     return sorted(fits, key=lambda marginal: math.inf if marginal.aic is None else marginal.aic)
+
+
+def verdict(fitted: Marginal) -> str:
+    """Outcome of the two tests with fitted parameters at the level of 5 %: accepted, rejected, or rejected by one."""
+    if fitted.ks_p_fitted is None or fitted.ad_p_fitted is None:
+        return "not tested"
+    ks, ad = fitted.ks_p_fitted <= LEVEL, fitted.ad_p_fitted <= LEVEL
+    if ks == ad:
+        return "rejected" if ks else "accepted"
+    return f"rejected by {'KS' if ks else 'AD'} alone"
 
 
 def fit_rows(samples: np.ndarray, family: str) -> np.ndarray:

@@ -23,7 +23,8 @@ METHODS = ("gf", "gf-published", "sobol", "lhs", "mc")
 _SMALLEST = 8
 _SMALLEST_NESTED = 40
 _ROUNDS = 3
-#: A point whose conditional probability is below this over n is brought back, so that no run is spent on a freak.
+#: A point whose conditional probability is below this over n is brought back, so that no run
+#: is spent on an improbable point.
 _FARTHEST = 0.1
 
 

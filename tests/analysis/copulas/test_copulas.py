@@ -282,3 +282,25 @@ def test_the_gaussian_copula_of_three_variables_contains_that_of_two():
     assert np.array(fit_gaussian(sample).correlation) == pytest.approx(np.array(matrix), abs=0.05)
     with pytest.raises(CopulaError, match="positive eigenvalues"):
         GaussianCopula(((1.0, 0.9, -0.9), (0.9, 1.0, 0.9), (-0.9, 0.9, 1.0)))
+
+
+def test_a_fit_says_when_it_stands_at_a_wall():
+    x = np.random.default_rng(1).lognormal(0.0, 0.3, 40)
+    ends = {family: copulas.fit(x, 1.0 / x, family).at_bounds for family in copulas.PAPER_FAMILIES}
+    assert ends == {
+        "gaussian": (("rho", -0.9999, ""),),
+        "student": (("rho", -0.9999, ""), ("nu", 1.0, "")),
+        "frank": (("theta", -60.0, ""),),
+        "plackett": (("theta", 1e-5, ""),),
+    }
+    assert copulas.fit(x, x, "clayton180").at_bounds == (("theta", 50.0, ""),)
+
+
+def test_an_end_that_is_a_simpler_copula_is_named():
+    x = np.random.default_rng(3).normal(size=(400, 2)) @ [[1.0, 0.5], [0.0, 1.0]]
+    assert copulas.fit(*x.T, "student").at_bounds in ((), (("nu", 200.0, "gaussian"),))
+    wide = copulas.CopulaFit("student", (0.4, 200.0), ("rho", "nu"), (), (), 400, 0.0, 0.0, 0.0, 0.3)
+    assert wide.at_bounds == (("nu", 200.0, "gaussian"),)
+    flat = copulas.CopulaFit("joe90", (1.00001,), ("theta",), (), (), 400, 0.0, 0.0, 0.0, 0.0)
+    assert flat.at_bounds == (("theta", 1.00001, "independence"),)
+    assert all(copulas.fit(*PAIRS.T, family).at_bounds == () for family in copulas.PAPER_FAMILIES)

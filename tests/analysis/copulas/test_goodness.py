@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
@@ -67,3 +69,53 @@ def test_the_same_seed_gives_the_same_p():
     pairs = np.stack([copulas.pseudo_observations(x), copulas.pseudo_observations(y)], axis=1)
     one, two = (goodness.bootstrap_test(pairs, "frank", (-5.0,), 100, np.random.default_rng(9)) for _ in range(2))
     assert one == two
+
+
+def in_one_block(samples: np.ndarray) -> np.ndarray:
+    """The statistic as it was summed before the blocks, with arrays of n x n."""
+    n = samples.shape[1]
+    single = ((1.0 - samples[..., 0] ** 2) * (1.0 - samples[..., 1] ** 2)).sum(axis=1)
+    order = np.argsort(samples[..., 0], axis=1)
+    a, b = (np.take_along_axis(1.0 - samples[..., k], order, axis=1) for k in (0, 1))
+    smaller = np.minimum(b[:, :, None], b[:, None, :])
+    inner = np.einsum("rij,ij->ri", smaller, np.triu(np.ones((n, n)), 1).T)
+    return n / 9.0 - 0.5 * single + (a * (2.0 * inner + b)).sum(axis=1) / n
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 17, 94, 251, 499, 501, 502, 751, 1251])
+def test_blocks_change_no_bit(n):
+    samples = np.random.default_rng(n).random((5, n, 2))
+    samples[0] = np.round(samples[0], 1)
+    assert np.array_equal(goodness.cramer_von_mises(samples), in_one_block(samples))
+    assert np.array_equal(goodness.cramer_von_mises(samples[:1]), in_one_block(samples[:1]))
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 94, 1023, 1024, 1025])
+def test_many_pairs_have_the_same_statistic_by_halves(n, monkeypatch):
+    samples = np.random.default_rng(n).random((2, n, 2))
+    samples[1] = np.round(samples[1], 2)
+    expected = goodness.cramer_von_mises(samples)
+    monkeypatch.setattr(goodness, "LARGEST_SIMULATED", 0)
+    assert goodness.cramer_von_mises(samples) == pytest.approx(expected, abs=1e-11)
+
+
+def test_memory_of_the_test_grows_at_most_linearly():
+    """20,000 pairs took 7 GB; now 40 MB, of which the simulated samples of 5,000 pairs take the most."""
+    x = copulas.Copula("gaussian", (-0.7,)).sample(20_000, np.random.default_rng(1))
+    pairs = copulas.pseudo_observations(x.T).T
+    tracemalloc.start()
+    goodness.bootstrap_test(pairs, "gaussian", (-0.7,), 19, np.random.default_rng(2))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 100e6
+
+
+def test_smaller_replicates_give_the_same_p(monkeypatch):
+    x = copulas.Copula("frank", (-5.0,)).sample(400, np.random.default_rng(1))
+    pairs = copulas.pseudo_observations(x.T).T
+    parameters = copulas.fit(*pairs.T, "gaussian").parameters
+    S, p = goodness.bootstrap_test(pairs, "gaussian", parameters, 999, np.random.default_rng(2))
+    monkeypatch.setattr(goodness, "LARGEST_SIMULATED", 100)
+    other = goodness.bootstrap_test(pairs, "gaussian", parameters, 999, np.random.default_rng(2))
+    assert other == (pytest.approx(S), pytest.approx(p, abs=0.03))
+    assert 0.02 < p < 0.98

@@ -124,3 +124,29 @@ def test_bad_pairs_are_refused():
         fit_joint(PAIRS[:5])
     with pytest.raises(InputError, match="the same"):
         fit_joint(np.column_stack([PAIRS[:, 0], np.full(94, 2e10)]))
+
+
+def test_refits_in_blocks_are_those_at_once(monkeypatch):
+    fit = fit_joint(PAIRS, n_boot=0).joint
+    at_once = bootstrap_joints(PAIRS, 7, np.random.default_rng(4), fit)
+    monkeypatch.setattr("analysis.inputs.joint._LARGEST_AT_ONCE", 50)
+    monkeypatch.setattr("analysis.inputs.joint._AT_ONCE", 200)
+    in_blocks = bootstrap_joints(PAIRS, 7, np.random.default_rng(4), fit)
+    assert len(in_blocks) == 7
+    for one, other in zip(at_once, in_blocks, strict=True):
+        assert one.copula.parameters == pytest.approx(other.copula.parameters, rel=1e-9)
+        assert one.marginals[1].params == pytest.approx(other.marginals[1].params, rel=1e-9)
+
+
+def test_too_few_distinct_values_are_refused():
+    few = PAIRS.copy()
+    few[:, 0] = np.resize([0.1, 0.2, 0.3, 0.4], len(few))
+    with pytest.raises(InputError, match="mu_s has 4 distinct values in 94 pairs; a fit needs at least 5"):
+        fit_joint(few)
+
+
+def test_values_of_no_common_unit_are_refused():
+    wrong = PAIRS.copy()
+    wrong[3, 0] = 5e-324
+    with pytest.raises(InputError, match="pair 4, column 1 is .*differs from the median .* factor of 1e"):
+        fit_joint(wrong)

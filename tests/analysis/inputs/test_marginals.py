@@ -126,3 +126,24 @@ def test_parameters_are_checked():
         marginals.Marginal("lognormal", {"median": 1.0})
     with pytest.raises(MarginalError, match="sigma_ln = -1"):
         marginals.Marginal("lognormal", {"median": 1.0, "sigma_ln": -1.0})
+
+
+def test_many_values_are_tested_against_smaller_samples(monkeypatch):
+    x = np.random.default_rng(5).lognormal(0.0, 0.4, 600)
+    whole = marginals.fit(x, "lognormal")
+    monkeypatch.setattr(marginals, "LARGEST_SIMULATED", 200)
+    part = marginals.fit(x, "lognormal")
+    assert (part.params, part.ks, part.ad) == (whole.params, whole.ks, whole.ad)
+    assert part.ks_critical_fitted == pytest.approx(whole.ks_critical_fitted, rel=0.03)
+    assert part.ad_critical_fitted == pytest.approx(whole.ad_critical_fitted, rel=0.05)
+    assert part.ks_p_fitted == pytest.approx(whole.ks_p_fitted, abs=0.04)
+
+
+@pytest.mark.parametrize(
+    ("ks", "ad", "words"),
+    [(0.2, 0.3, "accepted"), (0.01, 0.05, "rejected"), (0.01, 0.2, "rejected by KS alone"),
+     (0.2, 0.01, "rejected by AD alone"), (None, None, "not tested")],
+)  # fmt: skip
+def test_a_verdict_needs_both_tests(ks, ad, words):
+    one = marginals.Marginal("normal", {"mean": 1.0, "sd": 1.0}, ks_p_fitted=ks, ad_p_fitted=ad)
+    assert marginals.verdict(one) == words

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from paths import PAIRS_FILE
 
-from analysis.inputs.pairs import InputError, check_pairs, read_pairs
+from analysis.inputs.pairs import InputError, check_pairs, read_numbered_pairs, read_pairs
 
 RECONSTRUCTED = PAIRS_FILE
 GOOD = [f"{0.1 + 0.01 * k:.2f},{20 + k}" for k in range(12)]
@@ -50,7 +50,18 @@ def test_byte_order_mark_and_blank_lines_do_no_harm(tmp_path):
         ("0.2,0", "line 14: G_p_GPa = 0 must be positive"),
         ("0.2,2.5e10", "line 14: G_p_GPa = 2.5e10 exceeds 1000 GPa"),
         ("25,20", "line 14: mu_s = 25 exceeds 5"),
+        ("0.2_14,20", "line 14: mu_s = '0.2_14' is not a number"),
+        ("0_3,20", "line 14: mu_s = '0_3' is not a number"),
+        ("٠.٢,20", "line 14: mu_s = '٠.٢' is not a number"),
+        ("0.２,20", "line 14: mu_s = '0.２' is not a number"),
+        ("0.2,0x14", "line 14: G_p_GPa = '0x14' is not a number"),
+        ("5e-324,20", "line 14: mu_s = 5e-324 is below 0.0001"),
+        ("0.2,1e-9", "line 14: G_p_GPa = 1e-9 is below 1e-06 GPa"),
+        ("0.2," + "2" * 140_000, "line 14: a cell has more than 131,072 characters"),
+        ("0.2," + "2" * 400, "line 14: G_p_GPa = " + "2" * 60 + "... (400 characters) is not finite"),
+        ("0.2,20\x1b[31m", "line 14: G_p_GPa = '20\\x1b[31m' is not a number"),
     ],
+    ids=lambda text: text[:60],
 )
 def test_a_bad_value_is_named_with_its_line(tmp_path, row, words):
     path = written(tmp_path, "mu_s,G_p_GPa", [*GOOD, row])
@@ -58,7 +69,69 @@ def test_a_bad_value_is_named_with_its_line(tmp_path, row, words):
         read_pairs(path)
     assert words in str(error.value)
     assert str(path) in str(error.value)
-    assert "\n" not in str(error.value)
+    assert "\n" not in str(error.value) and len(str(error.value)) < 400
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        (['"first', 'second",0.2,20'], "line 3: a quoted cell does not end in this line"),
+        (["a,0.2,20\x0c", "a,0.2,20\x0b", "a,0.2\u2028,20", '"b', '",0.2,20'], "line 6: a quoted cell"),
+        (["a,0.2,20", '"b"c,0.2,20'], "line 4: a quoted cell"),
+        (["a,0.2,20", "b,0.2,x"], "line 4: G_p_GPa = 'x'"),
+    ],
+)
+def test_a_fault_is_reported_at_its_own_line(tmp_path, rows, words):
+    path = written(tmp_path, "sample,mu_s,G_p_GPa", ["good,0.3,30", *rows])
+    with pytest.raises(InputError, match=words):
+        read_pairs(path)
+
+
+def test_quoted_cells_and_all_ends_of_lines_are_read(tmp_path):
+    path = tmp_path / "pairs.csv"
+    rows = [f'"a, b ""c""","{row.split(",")[0]}",{row.split(",")[1]}' for row in GOOD]
+    for end in ("\n", "\r\n", "\r"):
+        path.write_bytes(end.join(["sample,mu_s,G_p_GPa", *rows]).encode())
+        pairs, lines = read_numbered_pairs(path)
+        assert pairs[3] == pytest.approx([0.13, 23e9]) and lines == list(range(2, 14))
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        ("mu_s,G_p_GPa,d\n0.2,20,1\n0.2,20,5 µm\n".encode("cp1252"),
+         "line 3: byte 0xb5 is not UTF-8; in Windows-1252 it is 'µ': save the file as UTF-8"),
+        ("mu_s,G_p_GPa\n0.2,20\n".encode("utf-16"), "seems to be in UTF-16"),
+        ("mu_s,G_p_GPa\n0.2,20\n".encode("utf-16-le"), "seems to be in UTF-16"),
+        (b"mu_s,G_p_GPa\n\x81\xff,20\n", "line 2: byte 0x81 is not UTF-8; is it a text file"),
+    ],
+)  # fmt: skip
+def test_another_encoding_is_named_with_its_line(tmp_path, data, words):
+    path = tmp_path / "pairs.csv"
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=words):
+        read_pairs(path)
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        (
+            [f"0.{1 + k % 4},{20 + k}" for k in range(12)],
+            "mu_s has 4 distinct values in 12 pairs; a fit needs at least 5",
+        ),
+        ([f"0.{10 + k},{20 + k % 2}" for k in range(12)], "G_p_GPa has 2 distinct values in 12 pairs"),
+    ],
+)
+def test_too_few_distinct_values_are_refused(tmp_path, rows, words):
+    with pytest.raises(InputError, match=words):
+        read_pairs(written(tmp_path, "mu_s,G_p_GPa", rows))
+
+
+def test_numbers_of_all_usual_forms_are_read(tmp_path):
+    rows = [*GOOD[:8], "+2.5e-1, 20.", ".2,2E1", " 0.3 ,20.5", "0.31\u00a0,21"]
+    pairs = read_pairs(written(tmp_path, "mu_s,G_p_GPa", rows))
+    assert pairs[8:] == pytest.approx(np.array([[0.25, 20e9], [0.2, 20e9], [0.3, 20.5e9], [0.31, 21e9]]))
 
 
 @pytest.mark.parametrize(

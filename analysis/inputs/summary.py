@@ -1,0 +1,61 @@
+"""The fitted inputs in words, from the dictionary that inputs.json holds: one line per marginal, and the copula."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from ..quantities import parameter
+from .marginals import Marginal, verdict
+
+
+def fit_lines(inputs: Mapping[str, Any]) -> list[str]:
+    """Lines on the chosen marginals and copula: parameters, AIC against the next family, test and verdict.
+
+    `inputs` has `marginals` (symbol -> list of fits, smallest AIC first) and `copulas` (list of fits, chosen first);
+    without them there are no lines.
+    """
+    lines = []
+    for symbol, table in inputs.get("marginals", {}).items():
+        if table:
+            best = table[0]
+            parameters = ", ".join(parameter(symbol, name, value) for name, value in best["params"].items())
+            lines.append(f"{symbol}: {best['family']} ({parameters}); {_aic(table)}; {_marginal_test(best)}")
+    if fits := inputs.get("copulas", []):
+        best = fits[0]
+        values = zip(best["names"], best["parameters"], strict=True)
+        parameters = ", ".join(f"{name} = {value:.4g}" for name, value in values)
+        named = f"{best['family']} ({parameters})" if parameters else best["family"]
+        lines.append(f"copula: {named}, Kendall's tau {best['tau']:.3g}; {_aic(fits)}; {_copula_test(best)}")
+    return lines
+
+
+def _aic(table: list[dict[str, Any]]) -> str:
+    """AIC of the first fit against the one that the list names next."""
+    if len(table) == 1:
+        return "the only family tried"
+    ours, theirs = table[0]["aic"], table[1]["aic"]
+    other = table[1]["family"] + (" (rejected)" if table[1].get("accepted") is False else "")
+    side = "below" if theirs >= ours else "above"
+    return f"AIC {abs(theirs - ours):.1f} {side} the next, {other}"
+
+
+def _marginal_test(fit: dict[str, Any]) -> str:
+    if fit.get("ks_p_fitted") is None:
+        return "not tested"
+    result = verdict(Marginal.from_dict(fit))
+    return f"KS D = {fit['ks']:.3f}, {_p(fit['ks_p_fitted'])}, AD = {fit['ad']:.2f}, {_p(fit['ad_p_fitted'])}: {result}"
+
+
+def _copula_test(fit: dict[str, Any]) -> str:
+    if fit.get("accepted") is None:
+        return "not tested"
+    result = "accepted" if fit["accepted"] else "rejected"
+    return f"Cramer-von Mises S = {fit['S']:.3f}, {_p(fit['p_bootstrap'])}: {result}"
+
+
+def _p(value: float) -> str:
+    if not math.isfinite(value):
+        return "p unknown"
+    return f"p = {value:.2f}" if value >= 0.1 else f"p = {value:.3f}" if value >= 0.001 else "p < 0.001"
