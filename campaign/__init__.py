@@ -5,7 +5,7 @@ A module imports only modules that stand above it in this list:
     files, progress             text and JSON files, digests of code; the progress line
     config, folder              the campaign file as one checked value; locks, checksums and failure files of a folder
     run_one                     supervises one run in YADE (`row`: its former name, for tasks that wait in SLURM)
-    plan, prepare               the table of runs and its cost; fitted inputs, points and assemblies
+    plan, cell, prepare         the table of runs and its cost; cells too thin; fitted inputs, points and assemblies
     products                    the status of every run
     batches                     sequential stopping: points in batches until the target error is reached
     engine_local, engine_slurm  run what is missing, on this machine or on a cluster

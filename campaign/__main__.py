@@ -11,15 +11,21 @@ from argparse import Namespace
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from analysis.errors_and_files import GrainScatterError
+from analysis.quantities import CRITICAL_BLOCK, CRITICAL_FROM
 from campaign import batches, engine_local, engine_slurm, evaluate
+from campaign.cell import check_cell
 from campaign.config import MOST_JOBS, ROOT, Config, ConfigError, read_config
 from campaign.plan import PlannedRun, collapsing, make_rows, predicted_cost, write_plan
-from campaign.prepare import prepare, read_planned_points
+from campaign.prepare import describe_inputs, prepare, read_planned_points
 from campaign.products import run_statuses
 from campaign.run_one import FREE_BYTES
 from campaign.status import campaign_status, status_text
+
+if TYPE_CHECKING:
+    from analysis.points import RepresentativePoints
 
 CONFIG = "the TOML file of a campaign, such as campaign/demo.toml"
 #: The results in the repository.
@@ -45,6 +51,8 @@ def main(argv: list[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except ModuleNotFoundError as error:
+        if str(error.name).split(".")[0] in ("analysis", "campaign"):
+            raise
         print(f"campaign: {error.name}: no such package for {sys.executable}; `make setup` installs it for "
               "/usr/bin/python3", file=sys.stderr)  # fmt: skip
         return 2
@@ -92,13 +100,21 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def plan(config: Config, folder: Path, options: Namespace) -> int:
-    """Plan the campaign and print the predicted cost."""
+    """Plan the campaign and print the fitted inputs, the points and the predicted cost."""
     _plan_and_print(config, folder)
     return 0
 
 
 def _plan_and_print(config: Config, folder: Path) -> list[PlannedRun]:
-    rows, count, outcome = _plan(config, folder)
+    rows, points, outcome = _plan(config, folder)
+    count = len(points)
+    lines, warnings = describe_inputs(folder, points)
+    if config.shear.strain_end < CRITICAL_FROM + CRITICAL_BLOCK:
+        warnings.append(
+            f"shear.strain_end = {config.shear.strain_end:g}: critical states are judged between strains "
+            f"{CRITICAL_FROM:g} and strain_end, at least {CRITICAL_FROM + CRITICAL_BLOCK:g}; none will be given"
+        )
+    print("\n".join([*lines, *(f"warning: {warning}" for warning in warnings)]))
     print(f"{config.name}: {count} points {outcome}, {len(rows)} runs in {_shown(folder)}")
     print(f"{'':12}{'runs':>8}{'particle-steps':>18}{'core-hours':>12}   (predicted)")
     for stage, cost in predicted_cost(rows).items():
@@ -111,7 +127,10 @@ def _plan_and_print(config: Config, folder: Path) -> list[PlannedRun]:
 
 def run(config: Config, folder: Path, options: Namespace) -> int:
     """Plan the campaign and run what is missing. Exit codes: 0 all done, 1 runs failed, 3 runs are still missing."""
-    rows, _, _ = _plan(config, folder)
+    rows, points, outcome = _plan(config, folder)
+    if outcome != "kept":
+        for warning in describe_inputs(folder, points)[1]:
+            print(f"warning: {warning}", file=sys.stderr)
     return _run(config, folder, rows, options)
 
 
@@ -134,6 +153,9 @@ def _run(config: Config, folder: Path, rows: Sequence[PlannedRun], options: Name
     print(f"{config.name}: {added} runs finished now, {counts['done']} of {counts['total']} done{spared}")
     for failure in status["failures"]:
         print(f"{failure['state']}: {failure['run_id']}: {failure['reason']}", file=sys.stderr)
+    if counts["unknown"]:
+        print(f"campaign: {counts['unknown']} runs are unknown: their files cannot be read now", file=sys.stderr)
+        return 3
     still_missing = counts["missing"] + counts["refused"]
     if still_missing:
         print(f"campaign: {still_missing} runs are still missing: {_why_missing(folder, rows)}", file=sys.stderr)
@@ -158,7 +180,7 @@ def status(config: Config, folder: Path, options: Namespace) -> int:
     """Print the status of a planned campaign; nothing is planned or run."""
     status = campaign_status(config, folder, _planned_rows(config, folder), rehash=options.check)
     print(json.dumps(status, indent=1) if options.json else status_text(status))
-    return 0
+    return 3 if status["counts"]["total"]["unknown"] else 0
 
 
 def missing(config: Config, folder: Path, options: Namespace) -> int:
@@ -169,7 +191,10 @@ def missing(config: Config, folder: Path, options: Namespace) -> int:
     for row in rows:
         if statuses[row.run_id].status in ("missing", "refused"):
             print(row.run_id)
-    return 0
+    unknown = [status for status in statuses.values() if status.status == "unknown"]
+    for state in unknown:
+        print(f"campaign: unknown: {state.run_id}: {state.reason}", file=sys.stderr)
+    return 3 if unknown else 0
 
 
 def analyse(config: Config, folder: Path, options: Namespace) -> int:
@@ -187,7 +212,7 @@ def archive(config: Config, folder: Path, options: Namespace) -> int:
 
 def report(config: Config, folder: Path, options: Namespace) -> int:
     """Write the figures and report.html."""
-    print(evaluate.report(folder))
+    print(evaluate.report(config, folder))
     return 0
 
 
@@ -205,17 +230,18 @@ def everything(config: Config, folder: Path, options: Namespace) -> int:
         return code
     line, frames = evaluate.analyse(config, folder, rows)
     print(line)
-    print(evaluate.report(folder, frames))
+    print(evaluate.report(config, folder, frames))
     return 0
 
 
-def _plan(config: Config, folder: Path) -> tuple[list[PlannedRun], int, str]:
-    """Plan the campaign; the rows, the number of points and what was done with the points."""
+def _plan(config: Config, folder: Path) -> tuple[list[PlannedRun], RepresentativePoints, str]:
+    """Plan the campaign; the rows, the points and what was done with them."""
+    check_cell(config)
     points, outcome = prepare(config, folder)
     rows = make_rows(config, points)
     for name in write_plan(rows, folder):
         print(f"note: {name} was edited by hand; written anew from the campaign file", file=sys.stderr)
-    return rows, len(points), outcome
+    return rows, points, outcome
 
 
 def _planned_rows(config: Config, folder: Path) -> list[PlannedRun]:

@@ -19,6 +19,7 @@ from analysis.errors_and_files import digest
 from campaign.config import Config
 from campaign.files import read_json, write_json
 from campaign.plan import PlannedRun
+from campaign.prepare import read_inputs
 from campaign.products import ARCHIVE, run_statuses
 
 if TYPE_CHECKING:
@@ -122,7 +123,7 @@ def _judge(
 
     used = note["order"][: note["used"]]
     inputs = _inputs(needed)
-    joint = Joint.from_dict(read_json(folder / "inputs.json")["joint"])
+    joint = Joint.from_dict(read_inputs(folder)["joint"])
     samples = stopping.judged_samples(joint)
     responses = _responses(folder, needed, used)
     assessment = stopping.assess(np.array([inputs[k] for k in used]), responses, samples, note["target"])
@@ -209,9 +210,25 @@ def _any_open(folder: Path, rows: Sequence[PlannedRun]) -> bool:
 def _read_note(config: Config, folder: Path, rows: Sequence[PlannedRun]) -> dict[str, Any]:
     """The note, if it was made for these runs and this target; else {}."""
     note = read_json(folder / NOTE, {})
-    if not note or note["target"] != config.pdem.stop_when or note["runs"] != _digest(rows):
+    if note.get("target") != config.pdem.stop_when or note.get("runs") != _digest(rows):
         return {}
-    return note
+    return note if _is_whole(note, {row.point for row in rows if row.stage == "shear"}) else {}
+
+
+def _is_whole(note: dict[str, Any], points: set[int]) -> bool:
+    """Whether a note has everything that is read from it; a damaged one is begun anew, from the runs that there are."""
+    order, history = note.get("order"), note.get("history")
+    return (
+        isinstance(order, list)
+        and all(isinstance(k, int) for k in order)
+        and sorted(order) == sorted(points)
+        and isinstance(note.get("used"), int)
+        and isinstance(note.get("reached"), bool)
+        and isinstance(note.get("claimed"), dict)
+        and isinstance(history, list)
+        and all(isinstance(j, dict) and isinstance(j.get("sentence"), str) for j in history)
+        and all(isinstance(j.get("points"), int) for j in history)
+    )
 
 
 def _digest(rows: Sequence[PlannedRun]) -> str:

@@ -16,7 +16,7 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from analysis.errors_and_files import GrainScatterError, digest
+from analysis.errors_and_files import GrainScatterError, decoded, digest, shown
 
 ROOT = Path(__file__).resolve().parent.parent
 #: Largest number of runs at once, of the key run.jobs and of the option --jobs.
@@ -35,9 +35,13 @@ def key(
     *,
     choices: tuple | None = None,
     doc: str = "",
+    asks: tuple[str, str] = ("", ""),
 ) -> Any:
-    """Declare one key: default, kind (a type, or [type] for a list), inclusive limits, choices, meaning."""
-    metadata = {"kind": kind, "low": low, "high": high, "choices": choices, "doc": doc}
+    """Declare one key: default, kind (a type, or [type] for a list), inclusive limits, choices, meaning.
+
+    asks: questions about the unit of a value below and above the limits.
+    """
+    metadata = {"kind": kind, "low": low, "high": high, "choices": choices, "doc": doc, "asks": asks}
     return field(default=default, metadata=metadata)
 
 
@@ -61,7 +65,9 @@ class Points:
 @dataclass(frozen=True)
 class Assembly:
     N: int = key(1000, int, 64, 1_000_000, doc="number of spheres")
-    d50_mm: float = key(0.248, float, 1e-4, 1e3, doc="median diameter by mass, mm")
+    d50_mm: float = key(
+        0.248, float, 1e-3, 100.0, doc="median diameter by mass, mm", asks=("is it metres?", "is it micrometres (µm)?")
+    )
     sigma_ln: float = key(0.174, float, 0.0, 1.0, doc="standard deviation of ln d by mass")
     distribution: str = key(
         "lognormal",
@@ -80,7 +86,10 @@ class Assembly:
 @dataclass(frozen=True)
 class Material:
     nu: float = key(0.2, float, 0.0, 0.49, doc="Poisson's ratio of the grains")
-    rho: float = key(2670.0, float, 1.0, 1e5, doc="mass density of the grains, kg/m3")
+    rho: float = key(
+        2670.0, float, 100.0, 1e5, doc="mass density of the grains, kg/m3",
+        asks=("kg/m3? 1 g/cm3 is 1000 kg/m3", "kg/m3?"),
+    )  # fmt: skip
     heterogeneity: str = key(
         "specimen", str, choices=("specimen", "grain"), doc="one pair (mu_s, G_p) per specimen, or one per grain"
     )
@@ -91,14 +100,21 @@ class Consolidation:
     mu_iso: tuple = key(
         (0.001, 0.04, 0.1), [float], 0.0, 1.2, doc="friction during consolidation; the lower, the denser the packing"
     )
-    sigma_3_kPa: float = key(100.0, float, 1.0, 1e4, doc="confining stress of consolidation and of drained shear, kPa")
+    sigma_3_kPa: float = key(
+        100.0, float, 1.0, 1e4, doc="confining stress of consolidation and of drained shear, kPa",
+        asks=("is it MPa?", "is it Pa?"),
+    )  # fmt: skip
     per_point: bool = key(False, bool, doc="consolidate once per point instead of once per density")
-    G_ref_GPa: float = key(25.7, float, 0.01, 1000.0, doc="G_p of the consolidation that all points share, GPa")
+    G_ref_GPa: float = key(
+        25.7, float, 0.01, 1000.0, doc="G_p of the consolidation that all points share, GPa",
+        asks=("is it TPa?", "is it MPa or Pa?"),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Shear:
-    strain_end: float = key(0.40, float, 0.001, 1.0, doc="final axial strain, logarithmic; 0.40 is 33 % of the height")
+    strain_end: float = key(0.40, float, 0.001, 1.0, doc="final axial strain, logarithmic; 0.40 is 33 % of the height",
+                            asks=("", "is it per cent?"))  # fmt: skip
     inertial_number: float = key(
         1e-3, float, 1e-6, 2.5e-3, doc="strain rate times d50 sqrt(rho / sigma_3); limited above mu_s = 0.3 (plan.py)"
     )
@@ -211,11 +227,9 @@ def read_config(path: str | Path) -> Config:
     """Read and check a campaign file. Raises ConfigError with one line that names the file, key, value and limit."""
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = decoded(path.read_bytes(), path, ConfigError)
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror or error}") from None
-    except UnicodeDecodeError:
-        raise ConfigError(f"{path}: not a text file in UTF-8") from None
     return parse_config(text, path)
 
 
@@ -223,22 +237,37 @@ def parse_config(text: str, source: str | Path = "campaign.toml") -> Config:
     """Check the text of a campaign file. Raises ConfigError; its text names the file `source`."""
     file = Path(source).name
     try:
+        return _parsed(text, Path(source), file)
+    except RecursionError:
+        raise ConfigError(
+            f"{file}: lists or sections are nested too deep; a campaign file has at most two levels"
+        ) from None
+
+
+def _parsed(text: str, source: Path, file: str) -> Config:
+    try:
         table = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise ConfigError(f"{file}: not TOML: {error}") from None
+        raise ConfigError(f"{file}: not TOML: {shown(str(error), 200)}") from None
+    except ValueError as error:
+        long = re.search(r"[\d_]{4300,}", text)  # Python reads whole numbers of at most 4,300 digits
+        if not long:
+            raise ConfigError(f"{file}: not TOML: {shown(str(error), 200)}") from None
+        line = text.count("\n", 0, long.start()) + 1
+        raise ConfigError(f"{file}, line {line}: a whole number has {len(long[0]):,} digits, at most 4,300") from None
     _refuse_unknown(table, ["name", *SECTIONS], file, "")
-    name = table.get("name", Path(source).stem)
+    name = table.get("name", source.stem)
     if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,60}", name):
-        raise ConfigError(f"{file}: name = {name!r} must be letters, digits, '_', '-' or '.' (at most 61)")
+        raise ConfigError(f"{file}: name = {_shown(name)} must be letters, digits, '_', '-' or '.' (at most 61)")
     for section in SECTIONS:
         if not isinstance(table.get(section, {}), dict):
-            raise ConfigError(f"{file}: {section} = {table[section]!r} must be a section, [{section}]")
+            raise ConfigError(f"{file}: {section} = {_shown(table[section])} must be a section, [{section}]")
     preset = _accuracy(table, file)
     parts = {
         section: _fill(kind, {**preset.get(section, {}), **table.get(section, {})}, file, section)
         for section, kind in SECTIONS.items()
     }
-    config = Config(name=name, text=text, source=Path(source), **parts)
+    config = Config(name=name, text=text, source=source, **parts)
     _check_together(config, file)
     return config
 
@@ -254,9 +283,21 @@ def _accuracy(table: dict, file: str) -> dict:
 def _refuse_unknown(table: dict, known: list[str], file: str, section: str) -> None:
     for name in table:
         if name not in known:
-            near = difflib.get_close_matches(name, known, 1, 0.5)
-            hint = f"; did you mean {near[0]!r}?" if near else f"; known: {', '.join(known)}"
-            raise ConfigError(f"{file}: unknown key {section + '.' if section else ''}{name}{hint}")
+            prefix = f"{section}." if section else ""
+            places = [prefix + k for k in known if k.lower() == name.lower()] + _elsewhere(name, section)
+            near = difflib.get_close_matches(name[:60], known, 1, 0.5)
+            if places:
+                hint = f"; did you mean {' or '.join(places)}?"
+            else:
+                hint = f"; did you mean {near[0]!r}?" if near else f"; known: {', '.join(known)}"
+            raise ConfigError(f"{file}: unknown key {prefix}{shown(name)}{hint}")
+
+
+def _elsewhere(name: str, section: str) -> list[str]:
+    """The full names of the keys of other sections that are called `name`, in capital letters or not."""
+    sections = {**SECTIONS, "run.slurm": Slurm}
+    return [f"{other}.{f.name}" for other, kind in sections.items() if other != section
+            for f in fields(kind) if f.name.lower() == name.lower()]  # fmt: skip
 
 
 def _fill(kind: type, table: dict, file: str, section: str) -> Any:
@@ -269,11 +310,11 @@ def _fill(kind: type, table: dict, file: str, section: str) -> Any:
             values[f.name] = f.default
         elif isinstance(meta["kind"], list):
             if not isinstance(table[f.name], list):
-                raise ConfigError(f"{file}: {full} = {table[f.name]!r} must be a list")
+                raise ConfigError(f"{file}: {full} = {_shown(table[f.name])} must be a list")
             values[f.name] = tuple(_value(v, meta["kind"][0], meta, file, full) for v in table[f.name])
         elif isinstance(meta["kind"], type) and meta["kind"].__module__ == __name__:
             if not isinstance(table[f.name], dict):
-                raise ConfigError(f"{file}: {full} = {table[f.name]!r} must be a section, [{full}]")
+                raise ConfigError(f"{file}: {full} = {_shown(table[f.name])} must be a section, [{full}]")
             values[f.name] = _fill(meta["kind"], table[f.name], file, full)
         else:
             values[f.name] = _value(table[f.name], meta["kind"], meta, file, full)
@@ -285,19 +326,33 @@ _KINDS = {int: "a whole number", float: "a number", str: "text in quotes", bool:
 
 def _value(value: Any, kind: type, meta: Mapping[str, Any], file: str, full: str) -> Any:
     """One value of the right type, within its limits."""
+    given = value
     fits = isinstance(value, (int, float)) if kind is float else isinstance(value, kind)
     if not fits or (isinstance(value, bool) and kind is not bool):
-        raise ConfigError(f"{file}: {full} = {value!r} must be {_KINDS[kind]}")
+        raise ConfigError(f"{file}: {full} = {_shown(value)} must be {_KINDS[kind]}")
     if kind is float:
-        value = float(value)
+        try:
+            value = float(value)
+        except OverflowError:
+            value = float("inf") if value > 0 else float("-inf")
     low, high, choices = meta["low"], meta["high"], meta["choices"]
     if choices is not None and value not in choices:
-        near = difflib.get_close_matches(str(value), [str(c) for c in choices], 1)
+        near = difflib.get_close_matches(str(value)[:60], [str(c) for c in choices], 1)
         hint = f"; did you mean {near[0]!r}?" if near else ""
-        raise ConfigError(f"{file}: {full} = {value!r} must be one of {', '.join(map(repr, choices))}{hint}")
+        raise ConfigError(f"{file}: {full} = {_shown(value)} must be one of {', '.join(map(repr, choices))}{hint}")
     if low is not None and not low <= value <= high:
-        raise ConfigError(f"{file}: {full} = {value!r} is outside [{low:g}, {high:g}]")
+        ask = meta["asks"][0 if value < low else 1]
+        said = f"{file}: {full} = {_shown(given)} is outside [{low:g}, {high:g}]"
+        raise ConfigError(f"{said}: {ask}" if ask else said)
     return value
+
+
+def _shown(value: Any) -> str:
+    """A value for one line of an error; long ones are cut."""
+    try:
+        return shown(repr(value), 80)
+    except ValueError:  # a whole number of more than 4,300 digits
+        return "a number of more than 4,300 digits"
 
 
 def _check_together(config: Config, file: str) -> None:
@@ -306,11 +361,15 @@ def _check_together(config: Config, file: str) -> None:
     for full, values in lists.items():
         if not values:
             raise ConfigError(f"{file}: {full} is empty; at least one value is needed")
-        if len(set(values)) < len(values):
-            raise ConfigError(f"{file}: {full} = {list(values)} names a value twice")
+        names = [f"{value:g}" if isinstance(value, float) else str(value) for value in values]  # groups in results.h5
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise ConfigError(
+                f"{file}: {full} = {list(values)} names a value twice: {twice[0]} in the six digits that name it"
+            )
     strains = config.shear.snapshots
-    if any(b <= a for a, b in zip(strains, strains[1:], strict=False)):
-        raise ConfigError(f"{file}: shear.snapshots = {list(strains)} must increase")
+    written = [float(f"{strain:g}") for strain in strains]  # in the tables of runs
+    if any(b <= a for a, b in zip(written, written[1:], strict=False)):
+        raise ConfigError(f"{file}: shear.snapshots = {list(strains)} must increase in their first six digits")
     if strains and strains[-1] > config.shear.strain_end:
         raise ConfigError(
             f"{file}: shear.snapshots has {strains[-1]:g}, beyond strain_end = {config.shear.strain_end:g}"
@@ -320,9 +379,17 @@ def _check_together(config: Config, file: str) -> None:
             parse_share(config.pdem.stop_when)
         except ConfigError as error:
             raise ConfigError(f"{file}: pdem.stop_when = {error}") from None
-    if not re.fullmatch(r"(\d+-)?\d+(:\d\d){0,2}", config.run.slurm.time):
+    slurm = config.run.slurm
+    if not re.fullmatch(r"[\w.,@+-]*", slurm.partition):
+        raise ConfigError(f"{file}: run.slurm.partition = {slurm.partition!r} is no name of a partition")
+    for option in slurm.options:
+        if not re.fullmatch(r"-[\w-].*", option) or not option.isprintable():
+            raise ConfigError(
+                f"{file}: run.slurm.options = {option!r} must be one option in one line, such as '--qos=low'"
+            )
+    if not re.fullmatch(r"([0-9]+-)?[0-9]+(:[0-9][0-9]){0,2}", config.run.slurm.time):
         raise ConfigError(f"{file}: run.slurm.time = {config.run.slurm.time!r} is no SLURM time such as '24:00:00'")
-    if not re.fullmatch(r"\d+[KMGT]?", config.run.slurm.memory):
+    if not re.fullmatch(r"[0-9]+[KMGT]?", config.run.slurm.memory):
         raise ConfigError(f"{file}: run.slurm.memory = {config.run.slurm.memory!r} is no SLURM size such as '2G'")
 
 

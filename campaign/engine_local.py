@@ -1,4 +1,8 @@
-"""The local engine: one yade-batch per stage over exactly the missing rows; the products decide what is done."""
+"""The local engine: one yade-batch per stage over exactly the missing rows; the products decide what is done.
+
+Each `run` has tables of its own, batch/run_<stage>.table, with exactly the rows that it runs. A later plan cannot
+change what they do, and a command line stays short however many rows there are.
+"""
 
 from __future__ import annotations
 
@@ -14,8 +18,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from campaign.config import ROOT, Config, jobs
-from campaign.folder import RunError, folder_lock, is_locked, write_failure
-from campaign.plan import STAGES, PlannedRun, script, table_line, table_path
+from campaign.files import write_text
+from campaign.folder import OWNER, RunError, folder_lock, is_locked, open_plain, write_failure
+from campaign.plan import STAGES, PlannedRun, script, yade_table
 from campaign.products import RunStatus, clear_the_way, run_statuses, set_aside, write_blocked
 from campaign.progress import Progress, bar, span
 from campaign.run_one import FREE_BYTES, die_with_parent, run_environment
@@ -38,7 +43,7 @@ def run_missing(
     quiet: show no progress. Raises RunError if another `run` works in the folder, if YADE is missing, if yade-batch
     fails, or if the disk is too full for the missing runs.
     """
-    with folder_lock(folder):
+    with folder_lock(folder, "products", "logs", "batch"):
         statuses, missing = clear_the_way(folder, rows, again=again, spared=spared)
         if not missing:
             return 0
@@ -76,10 +81,17 @@ def _check_machine(folder: Path, missing: Sequence[PlannedRun], config: Config) 
 
 def _remove_leftovers(folder: Path) -> None:
     """Remove the temporary files of killed runs, except those of runs that are at work (by hand or in SLURM)."""
-    for path in [*(folder / "products").glob(".*.part"), *(folder / "products").glob(".*.lock")]:
-        run_id = path.name[1:].split(".h5")[0].removesuffix(".lock")
+    for path in [p for ending in (".part", ".tmp", f".lock{OWNER}", ".lock") for p in _hidden(folder, ending)]:
+        run_id = re.split(r"\.(?:h5|checkpoint|failed\.json|lock|tmp)\b", path.name[1:])[0]
         if not is_locked(path.with_name(f".{run_id}.lock")):
-            path.unlink(missing_ok=True)
+            if path.is_dir() and not path.is_symlink():
+                shutil.rmtree(path, ignore_errors=True)
+            else:
+                path.unlink(missing_ok=True)
+
+
+def _hidden(folder: Path, ending: str) -> list[Path]:
+    return sorted((folder / "products").glob(f".*{ending}"))
 
 
 def _run_batches(
@@ -97,11 +109,11 @@ def _run_batches(
         batches, missing_ids = {}, {row.run_id for row in missing}
         for stage in STAGES:
             _ended(folder, stage).unlink(missing_ok=True)
-            lines = [k for k, row in enumerate(r for r in rows if r.stage == stage) if row.run_id in missing_ids]
-            if not lines:
+            stage_rows = [row for row in rows if row.stage == stage and row.run_id in missing_ids]
+            if not stage_rows:
                 _ended(folder, stage).touch()
                 continue
-            batches[stage] = _start_batch(config, folder, stage, lines, read_end)
+            batches[stage] = _start_batch(config, folder, stage, stage_rows, read_end)
             stack.callback(batches[stage].terminate)
         while batches:
             watch.show_progress(folder)
@@ -121,9 +133,14 @@ def _ended(folder: Path, stage: str) -> Path:
     return folder / "batch" / f"ended_{stage}"
 
 
-def _start_batch(config: Config, folder: Path, stage: str, rows: list[int], pipe: int) -> subprocess.Popen:
-    """Start yade-batch over the rows of a stage's table at these positions (from 0)."""
+def _start_batch(config: Config, folder: Path, stage: str, rows: Sequence[PlannedRun], pipe: int) -> subprocess.Popen:
+    """Write these rows of a stage into a table of this `run` and start yade-batch over it."""
     limits, places = config.run, jobs(config)
+    table = f"batch/run_{stage}.table"
+    write_text(folder / table, yade_table(rows, f"yade-batch {table} {script(folder, stage)}"))
+    for name in (f"batch_{stage}", *(row.run_id for row in rows)):
+        if (path := folder / "logs" / f"{name}.log").is_symlink():
+            path.unlink()  # the output would go where it leads
     env = run_environment() | {
         "CAMPAIGN_CPU_LIMIT": repr(limits.cpu_limit), "CAMPAIGN_HANG_MINUTES": repr(limits.hang_minutes),
         "CAMPAIGN_RETRY": str(int(config.failures.retry)), "CAMPAIGN_JOBS": str(places), "CAMPAIGN_FRONT": str(pipe),
@@ -132,11 +149,11 @@ def _start_batch(config: Config, folder: Path, stage: str, rows: list[int], pipe
     env.pop("OMP_NUM_THREADS")  # yade-batch takes it for the number of jobs
     command = [
         os.environ.get("CAMPAIGN_YADE_BATCH", "yade-batch"), "--jobs", str(places + 1), "--job-threads", "1",
-        "--lines", ",".join(str(table_line(k)) for k in rows), "--log", "logs/@.log", "--plot-update", "0",
-        "--disable-pynotify", "--executable", f"{sys.executable} -m campaign.run_one", str(table_path(Path(), stage)),
-        script(folder, stage),
+        "--log", "logs/@.log", "--plot-update", "0", "--disable-pynotify",
+        "--executable", f"{sys.executable} -m campaign.run_one", table, script(folder, stage),
     ]  # fmt: skip
-    with open(folder / "logs" / f"batch_{stage}.log", "w") as log:
+    log_flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC
+    with open(open_plain(folder / "logs" / f"batch_{stage}.log", log_flags), "w") as log:
         return subprocess.Popen(command, cwd=folder, env=env, stdin=subprocess.DEVNULL, stdout=log, stderr=log,
                                 preexec_fn=_in_child, pass_fds=[pipe])  # fmt: skip
 

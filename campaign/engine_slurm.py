@@ -1,19 +1,24 @@
 """The SLURM engine: submits the missing rows as array jobs, each stage after the one before.
 
 Each submission keeps its own table of rows in batch/, so that a later plan cannot change what a waiting task will do.
-Several short rows are packed into one task. Submitting again is safe: rows that have a product or are in the queue are
-left out.
+Several short rows are packed into one task, and an array longer than the cluster allows is split. Submitting again is
+safe: rows that have a product or are in the queue are left out, and nothing is submitted while the queue, or the note
+of what was submitted (batch/slurm.json), cannot be read. No command of SLURM may take longer than SECONDS.
 """
 
 from __future__ import annotations
 
+import contextlib
 import os
+import re
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from campaign.config import ROOT, Config
 from campaign.files import read_json, write_json, write_text
@@ -23,7 +28,14 @@ from campaign.products import clear_the_way
 
 NOTE = "batch/slurm.json"
 #: States of a task that has ended.
-ENDED = ("COMPLETED", "CANCELLED", "FAILED", "TIMEOUT", "NODE_FAIL", "OUT_OF_MEMORY", "PREEMPTED")
+ENDED = ("COMPLETED", "CANCELLED", "FAILED", "TIMEOUT", "NODE_FAIL", "OUT_OF_MEMORY", "PREEMPTED", "BOOT_FAIL",
+         "DEADLINE", "REVOKED")  # fmt: skip
+#: Time after which a command of SLURM counts as failed, s.
+SECONDS = 60.0
+#: Longest array where the cluster does not state its own limit: SLURM's default.
+MAX_ARRAY = 1001
+#: Words on stderr of a command that answers with exit status 0 although it has failed.
+ERROR = r"(?i)\b(errors?|unable|fail\w*|refused|time[ds]?.?out|cannot|can't|denied|invalid|not found)\b"
 
 
 def submit_missing(
@@ -41,24 +53,89 @@ def submit_missing(
     """
     if shutil.which("sbatch") is None:
         raise RunError("sbatch: no such program; is SLURM installed here?")
-    with folder_lock(folder):
+    with folder_lock(folder, "products", "logs", "batch"):
         queue = queued_rows(folder)
         _, missing = clear_the_way(folder, rows, again=again, spared=spared)
         to_submit = [row for row in missing if row.run_id not in queue]
-        jobs = read_json(folder / NOTE, [])
+        jobs = _noted(folder)
         waiting = {job["job"] for job in jobs if set(queue) & {run_id for task in job["tasks"] for run_id in task}}
-        submitted = []
+        submitted: list[str] = []
+        ids: list[str] = []
+        longest = _longest_array() if to_submit else MAX_ARRAY
         for stage in STAGES:
             stage_rows = [row for row in to_submit if row.stage == stage]
             if not stage_rows:
                 continue
             tasks = pack(stage_rows, config.run.slurm.pack * 60.0)
-            job = _submit(config, folder, stage, stage_rows, tasks, len(jobs), sorted(waiting))
-            waiting.add(job)
-            jobs.append({"job": job, "stage": stage, "tasks": [[row.run_id for row in task] for task in tasks]})
-            write_json(folder / NOTE, jobs)
-            submitted.append(f"{len(stage_rows)} {stage} in {len(tasks)} tasks (job {job})")
+            after, of_stage = sorted(waiting), list[str]()
+            for part in (tasks[k : k + longest] for k in range(0, len(tasks), longest)):
+                # the limit on tasks at once is that of an array: with one, parts follow each other
+                job_after = [*after, *of_stage[-1:]] if config.run.slurm.throttle else after
+                try:
+                    job = _submit(config, folder, stage, part, len(jobs), job_after)
+                except RunError as error:
+                    raise RunError(f"{error}{_cancel(ids)}") from None
+                of_stage.append(job)
+                ids.append(job)
+                jobs.append({"job": job, "stage": stage, "tasks": [[row.run_id for row in task] for task in part]})
+                try:
+                    write_json(folder / NOTE, jobs)
+                except OSError as error:
+                    text = f"{folder / NOTE}: cannot be written: {error.strerror or error}"
+                    raise RunError(f"{text}{_cancel(ids)}") from None
+            waiting |= set(of_stage)
+            word = "job" if len(of_stage) == 1 else "jobs"
+            submitted.append(f"{len(stage_rows)} {stage} in {len(tasks)} tasks ({word} {', '.join(of_stage)})")
     return f"{config.name}: " + ("submitted " + ", ".join(submitted) if submitted else "nothing to submit")
+
+
+def _noted(folder: Path) -> list[dict[str, Any]]:
+    """The array jobs that were submitted: job id, stage, and the run ids of each task.
+
+    Raises RunError if the note of them is damaged or cannot be read, since their runs would then be submitted twice.
+    """
+    path = folder / NOTE
+    try:
+        jobs = read_json(path)
+    except OSError as error:
+        raise RunError(
+            f"{path}: cannot be read now: {error.strerror or error}; what was submitted is not known"
+        ) from None
+    if jobs is None and not path.exists():
+        return []
+    if not (isinstance(jobs, list) and all(map(_is_job, jobs))):
+        raise RunError(f"{path}: is damaged; what was submitted is not known: once `squeue --me` shows nothing of this "
+                       "campaign, delete the file")  # fmt: skip
+    return jobs
+
+
+def _is_job(job: Any) -> bool:
+    return (
+        isinstance(job, dict)
+        and isinstance(job.get("job"), str)
+        and isinstance(job.get("tasks"), list)
+        and all(isinstance(task, list) and all(isinstance(run_id, str) for run_id in task) for task in job["tasks"])
+    )
+
+
+def _longest_array() -> int:
+    """The largest number of tasks in one array that the cluster allows: MaxArraySize is one above the last index."""
+    _, output, _ = _ask_slurm("scontrol", "show", "config")
+    found = re.search(r"(?m)^\s*MaxArraySize\s*=\s*([0-9]{1,9})\s*$", output)
+    return max(int(found[1]), 1) if found else MAX_ARRAY
+
+
+def _cancel(ids: Sequence[str]) -> str:
+    """Cancel the jobs that were submitted before one was refused; returns what became of them, to end a line with."""
+    if not ids:
+        return ""
+    failed, _, _ = _ask_slurm("scancel", *ids)
+    names = f"job{'s' * (len(ids) > 1)} {', '.join(ids)}"
+    if failed:
+        return (
+            f"; {names}, submitted before it, could not be cancelled and {'stay' if len(ids) > 1 else 'stays'} queued"
+        )
+    return f"; {names}, submitted before it, {'were' if len(ids) > 1 else 'was'} cancelled"
 
 
 def pack(rows: Sequence[PlannedRun], seconds: float) -> list[list[PlannedRun]]:
@@ -75,32 +152,52 @@ def pack(rows: Sequence[PlannedRun], seconds: float) -> list[list[PlannedRun]]:
 
 
 def _submit(
-    config: Config,
-    folder: Path,
-    stage: str,
-    rows: Sequence[PlannedRun],
-    tasks: Sequence[Sequence[PlannedRun]],
-    serial: int,
-    after: Sequence[str],
+    config: Config, folder: Path, stage: str, tasks: Sequence[Sequence[PlannedRun]], serial: int, after: Sequence[str]
 ) -> str:
-    """Write table, tasks and script of one array job, submit it after the jobs `after`, and return its number."""
-    base = f"batch/slurm_{serial}_{stage}"
+    """Write table, tasks and script of one array job, submit it after the jobs `after`, and return its number.
+
+    Raises RunError if sbatch refuses it or answers with something else than a number; whatever it may have submitted
+    then is cancelled by its name, which no other job has.
+    """
+    base, rows = f"batch/slurm_{serial}_{stage}", [row for task in tasks for row in task]
     write_text(folder / f"{base}.table", yade_table(rows, f"submission {serial} to SLURM"))
     line_of = {row.run_id: table_line(k) for k, row in enumerate(rows)}
     lines = "".join(" ".join(str(line_of[row.run_id]) for row in task) + "\n" for task in tasks)
     write_text(folder / f"{base}.tasks", lines)
-    write_text(folder / f"{base}.sh", job_script(config, folder, stage, base, len(tasks), after))
-    done = subprocess.run(["sbatch", "--parsable", f"{base}.sh"], cwd=folder, capture_output=True, text=True)
-    if done.returncode:
-        raise RunError(f"sbatch: {' '.join(done.stderr.split())[:200]}")
-    return done.stdout.strip().split(";")[0]
+    name = f"{config.name}-{stage}-{os.urandom(4).hex()}"
+    write_text(folder / f"{base}.sh", job_script(config, folder, stage, base, len(tasks), after, name))
+    exit_status, output, error = _ask_slurm("sbatch", "--parsable", f"{base}.sh", cwd=folder)
+    if exit_status:
+        refused = f"sbatch: {error or 'failed'}"
+        if exit_status > 0:
+            raise RunError(refused)
+    else:
+        ids = [line for line in output.splitlines() if re.fullmatch(r"[0-9]+(;[\w.-]+)?", line.strip())]
+        if len(ids) == 1:
+            return ids[0].strip().split(";")[0]
+        refused = f"sbatch: answered {_shown(output) or 'nothing'}, which is no job number"
+    failed, _, _ = _ask_slurm("scancel", f"--name={name}")
+    left = f"look for a job named {name}" if failed else f"a job named {name}, if there is one, was cancelled"
+    raise RunError(f"{refused}; {left}")
 
 
-def job_script(config: Config, folder: Path, stage: str, base: str, tasks: int, after: Sequence[str]) -> str:
-    """Return the script of an array job; task k runs the table lines in line k (from 0) of the file <base>.tasks."""
+def _shown(output: str) -> str:
+    """The beginning of an answer in one line, in quotes; "" for an empty one."""
+    text = " ".join(output.split())
+    return repr(text[:80]) if text else ""
+
+
+def job_script(
+    config: Config, folder: Path, stage: str, base: str, tasks: int, after: Sequence[str], name: str = ""
+) -> str:
+    """Return the script of an array job; task k runs the table lines in line k (from 0) of the file <base>.tasks.
+
+    name: that of the job (default: campaign and stage).
+    """
     slurm = config.run.slurm
     throttle = f"%{slurm.throttle}" if slurm.throttle else ""
-    head = [f"--job-name={config.name}-{stage}", f"--array=0-{tasks - 1}{throttle}", "--ntasks=1", "--cpus-per-task=1",
+    head = [f"--job-name={name or f'{config.name}-{stage}'}",
+            f"--array=0-{tasks - 1}{throttle}", "--ntasks=1", "--cpus-per-task=1",
             f"--time={slurm.time}", f"--mem={slurm.memory}", f"--output=logs/slurm_%A_%a_{stage}.log",
             *([f"--partition={slurm.partition}"] if slurm.partition else []),
             *([f"--dependency=afterany:{':'.join(after)}"] if after else []), *slurm.options]  # fmt: skip
@@ -122,36 +219,63 @@ def job_script(config: Config, folder: Path, stage: str, base: str, tasks: int, 
 def queued_rows(folder: Path) -> dict[str, str]:
     """Return run id -> "queued" for every row whose task waits or runs in SLURM; {} if nothing was submitted.
 
-    Raises RunError if SLURM does not answer, since an unknown queue is not an empty one.
+    Raises RunError if SLURM does not answer, or with something else than a queue, since an unknown queue is not an
+    empty one; also if the note of what was submitted is damaged.
     """
-    jobs = read_json(folder / NOTE, [])
+    jobs = _noted(folder)
     if not jobs:
         return {}
+    unknown = "what waits in the queue is not known"
     exit_status, output, error = _ask_slurm("squeue", "--me", "-h", "-r", "-o", "%F %K %T")
-    if exit_status:
-        raise RunError(f"squeue: {error or 'failed'}; what waits in the queue is not known")
+    if exit_status or re.search(ERROR, error):
+        raise RunError(f"squeue: {error or 'failed'}; {unknown}")
     tasks = {(job["job"], k): task for job in jobs for k, task in enumerate(job["tasks"])}
-    queued = {}
-    for line in output.splitlines():
-        job, index, state = (line.split() + ["", ""])[:3]
-        if index.isdigit() and state not in ENDED:
-            for run_id in tasks.get((job, int(index)), []):
-                queued[run_id] = "queued"
+    queued: dict[str, str] = {}
+    for line in filter(str.strip, output.splitlines()):
+        entry = re.fullmatch(r"\s*([0-9]+)\s+(\S+)\s+([A-Z_]+)\s*", line)
+        if not entry:
+            raise RunError(f"squeue: answered {_shown(line)}, which is no task; {unknown}")
+        job, index, state = entry.groups()
+        if state in ENDED:
+            continue
+        # an index such as 0-7%3 stands for tasks that SLURM has not listed one by one
+        waiting = [k for j, k in tasks if j == job] if not re.fullmatch("[0-9]+", index) else [int(index)]
+        queued |= {run_id: "queued" for k in waiting for run_id in tasks.get((job, k), [])}
     return queued
 
 
-def _ask_slurm(*command: str) -> tuple[int, str, str]:
-    """Exit status, output and error (one line) of a SLURM command; one that is missing or hangs counts as failed."""
+def _ask_slurm(*command: str, cwd: Path | None = None) -> tuple[int, str, str]:
+    """Exit status, output and error (one line) of a SLURM command.
+
+    One that is missing has status 1; one that is not done after SECONDS is killed and has status -1, since what it did
+    is not known. Bytes that are no UTF-8 stay visible as replacement characters.
+    """
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=60)
-    except (OSError, subprocess.TimeoutExpired) as error:
-        return 1, "", " ".join(str(error).split())[:200]
-    return done.returncode, done.stdout, " ".join(done.stderr.split())[:200]
+        process = subprocess.Popen(command, cwd=cwd, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                                   stderr=subprocess.PIPE, start_new_session=True)  # fmt: skip
+    except OSError as failure:
+        return 1, "", f"{command[0]}: {failure.strerror or failure}"
+    with process:
+        try:
+            output, error = process.communicate(timeout=SECONDS)
+        except subprocess.TimeoutExpired:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            return -1, "", f"no answer after {SECONDS:g} s"
+        except BaseException:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            raise
+    texts = [text.decode("utf-8", errors="replace") for text in (output, error)]
+    return process.returncode, texts[0], " ".join(texts[1].split())[:200]
 
 
 def ended_without_product(folder: Path, missing: Sequence[str]) -> dict[str, str]:
-    """Return run id -> one line on the last SLURM task of each run among `missing` that was submitted."""
-    jobs = read_json(folder / NOTE, [])
+    """Return run id -> one line on the last SLURM task of each run among `missing` that was submitted.
+
+    Raises RunError if the note of what was submitted is damaged.
+    """
+    jobs = _noted(folder)
     last_task = {run_id: (job["job"], k) for job in jobs for k, task in enumerate(job["tasks"]) for run_id in task}
     tasks = {run_id: last_task[run_id] for run_id in missing if run_id in last_task}
     states = {}

@@ -13,7 +13,7 @@ from campaign import batches
 from campaign.config import ROOT, SECTIONS, Config
 from campaign.files import code_digest, read_json, write_json
 from campaign.plan import PlannedRun
-from campaign.prepare import PlanError, read_points
+from campaign.prepare import PlanError, read_inputs, read_points
 from campaign.products import ARCHIVE, RunStatus, archived, run_statuses, write_blocked
 
 if TYPE_CHECKING:
@@ -95,23 +95,27 @@ def archive(folder: Path, rows: Sequence[PlannedRun]) -> str:
 def _usable(
     folder: Path, rows: Sequence[PlannedRun], rehash: bool = False, spared: frozenset[str] = frozenset()
 ) -> dict[str, RunStatus]:
-    """The status of every run. Raises PlanError if there is a product that cannot be used."""
+    """The status of every run. Raises PlanError if there is a product that cannot be used, or not be read now."""
     statuses = run_statuses(folder, rows, rehash=rehash, spared=spared)
+    if unknown := [status for status in statuses.values() if status.status == "unknown"]:
+        raise PlanError(f"{unknown[0].reason} ({len(unknown)} such files)")
     if refused := [status for status in statuses.values() if status.status == "refused"]:
         first = refused[0]
         raise PlanError(f"products/{first.run_id}.h5: {first.reason} ({len(refused)} such products)")
     return statuses
 
 
-def report(folder: Path, frames: Frames | None = None) -> str:
+def report(config: Config, folder: Path, frames: Frames | None = None) -> str:
     """Draw the figures and write report.html from the folder's results.h5.
 
     frames: the tables of these results, if they have been computed already. Returns one line on what was done. Raises
-    PlanError if there is no results.h5, and the analysis' errors.
+    PlanError if there is no results.h5 or it was made with other settings, and the analysis' errors.
     """
     path = folder / "results.h5"
     if not path.exists():
         raise PlanError(f"{folder}: has no results.h5; `analyse` makes it")
+    if changed := _changed_setting(config, path):
+        raise PlanError(f"{path}: was made with other settings ({changed}); `analyse` makes it again")
     stat = path.stat()
     digest = hashlib.sha256(f"{stat.st_size} {stat.st_mtime_ns} {code_digest(ANALYSIS)}".encode()).hexdigest()
     note = read_json(folder / NOTE, {})
@@ -125,6 +129,29 @@ def report(folder: Path, frames: Frames | None = None) -> str:
     page = write_report(results, evaluate(results) if frames is None else frames, folder)
     write_json(folder / NOTE, note | {"report": digest})
     return f"{folder.name}: {page}"
+
+
+def _changed_setting(config: Config, results: Path) -> str:
+    """The first setting of a results file that is not the campaign file's, as one line; "" if there is none.
+
+    How runs are started ([run]) does not count.
+    """
+    from analysis.errors_and_files import open_hdf5
+    from analysis.results import ResultsError
+
+    with open_hdf5(results, ResultsError, "results file") as file:
+        text = file.attrs.get("settings", "{}")
+    try:
+        stored = json.loads(text)
+    except ValueError as error:
+        raise PlanError(f"{results}: its settings cannot be read ({error})") from error
+    present = json.loads(json.dumps({name: asdict(getattr(config, name)) for name in SECTIONS if name != "run"}))
+    for section, keys in present.items():
+        before = stored.get(section, keys) if isinstance(stored, dict) else keys
+        for key, value in keys.items():
+            if before.get(key, value) != value:
+                return f"{section}.{key} = {before[key]!r}, now {value!r}"
+    return ""
 
 
 def report_of_file(path: Path, folder: Path) -> str:
@@ -160,13 +187,14 @@ def _campaign_info(config: Config, folder: Path) -> CampaignInfo:
 
     from analysis.results.build import CampaignInfo
 
-    inputs = read_json(folder / "inputs.json", {})
+    inputs = read_inputs(folder)
     return CampaignInfo(
         name=config.name,
         config=config.text,
         settings={name: asdict(getattr(config, name)) for name in SECTIONS},
         pairs=np.asarray(inputs["pairs"], float),
         versions={"analysis code": code_digest(ANALYSIS)[:12]},
+        warnings=inputs.get("warnings", []),
         **{name: inputs[name] for name in ("source", "marginals", "copulas", "joint", "point_attrs")},
     )
 

@@ -1,10 +1,11 @@
-"""Text and JSON files that are written completely or not at all, and the digest of a folder of code."""
+"""Text and JSON files that are written completely or not at all, notes on stderr, the digest of a folder of code."""
 
 from __future__ import annotations
 
 import contextlib
 import hashlib
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -30,11 +31,29 @@ def write_json(path: Path, value: Any) -> None:
 
 
 def read_json(path: Path, default: Any = None) -> Any:
-    """Return the value in a JSON file, or `default` if the file is missing or damaged."""
+    """Return the value in a JSON file, or `default` if the file is missing, damaged, or of another type than `default`.
+
+    Raises OSError, with the file's name, if the file is there and cannot be read now: its contents are not known then.
+    """
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+        value = json.loads(path.read_text(encoding="utf-8"))
+    except (FileNotFoundError, NotADirectoryError, ValueError, RecursionError):
         return default
+    except OSError as error:
+        error.filename = error.filename or str(path)
+        raise
+    return value if default is None or isinstance(value, type(default)) else default
+
+
+_SAID: set[str] = set()
+
+
+def say_once(text: str) -> None:
+    """Write a note to stderr, once per process."""
+    if text not in _SAID:
+        _SAID.add(text)
+        with contextlib.suppress(OSError):
+            print(f"note: {text}", file=sys.stderr, flush=True)
 
 
 def code_digest(folder: Path) -> str:

@@ -22,6 +22,7 @@ from analysis.errors_and_files import digest
 from analysis.quantities import effective_inertial_number
 from campaign.config import ROOT, Config, grains_file
 from campaign.files import read_json, write_json, write_text
+from campaign.folder import folder_lock
 
 if TYPE_CHECKING:
     from analysis.points import RepresentativePoints
@@ -229,7 +230,7 @@ def write_plan(rows: Sequence[PlannedRun], folder: Path) -> list[str]:
     """Write tables/plan.csv (for people) and batch/<stage>.table (for yade-batch) from the same rows.
 
     Returns the names of those files that were edited by hand since they were last written; they are written anew.
-    Raises OSError if a file cannot be written.
+    Raises RunError if files would change and another process runs in the folder, OSError if a file cannot be written.
     """
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
@@ -240,11 +241,15 @@ def write_plan(rows: Sequence[PlannedRun], folder: Path) -> list[str]:
     for stage in STAGES:
         command = f"yade-batch batch/{stage}.table {script(folder, stage)}"
         files[f"batch/{stage}.table"] = yade_table([row for row in rows if row.stage == stage], command)
-    written = read_json(folder / "tables" / "written.json", {})
-    edited = [name for name, written_digest in written.items() if _digest(folder / name) not in ("", written_digest)]
-    for name, text in files.items():
-        write_text(folder / name, text)
-    write_json(folder / "tables" / "written.json", {name: _digest(folder / name) for name in files})
+    note = folder / "tables" / "written.json"
+    written, before = read_json(note, {}), {name: _digest(folder / name) for name in files}
+    edited = [name for name in files if name in written and before[name] not in ("", written[name])]
+    after = {name: digest(text.encode(), 16) for name, text in files.items()}
+    if (before, written) != (after, after):
+        with folder_lock(folder):
+            for name, text in files.items():
+                write_text(folder / name, text)
+            write_json(note, after)
     return edited
 
 

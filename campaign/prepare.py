@@ -7,20 +7,32 @@ long as [inputs], [points] and the pairs do.
 
 from __future__ import annotations
 
+import contextlib
 import json
+from collections.abc import Callable
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from analysis.errors_and_files import GrainScatterError, atomic_write, digest
+from analysis.errors_and_files import GrainScatterError, atomic_write, digest, write_hdf5
 from campaign.config import Config, grains_file
 from campaign.files import read_json, write_json, write_text
+from campaign.folder import folder_lock
+from campaign.progress import Progress
 
 if TYPE_CHECKING:
     import numpy as np
 
     from analysis.inputs.joint import Joint
     from analysis.points import RepresentativePoints
+
+
+#: What inputs.json holds, by type; `points_digest` and `digest` tie it to points.csv and to the campaign file.
+INPUTS: dict[str, type] = {"digest": str, "points_digest": str, "pairs": list, "source": str, "marginals": dict,
+                           "copulas": list, "joint": dict, "point_attrs": dict}  # fmt: skip
+#: Path -> a function that writes the file.
+Writes = dict[Path, Callable[[Path], Any]]
 
 
 class PlanError(GrainScatterError):
@@ -30,22 +42,68 @@ class PlanError(GrainScatterError):
 def prepare(config: Config, folder: Path) -> tuple[RepresentativePoints, str]:
     """Return the points of the campaign and what was done: "chosen", "chosen anew" or "kept".
 
-    Raises PlanError, ConfigError or another GrainScatterError of the analysis if the inputs cannot be used, before
-    anything is written, and OSError if a file cannot be written.
+    Everything is computed before the first file is written, and inputs.json, which makes the others valid, is written
+    last. Raises PlanError, ConfigError or another GrainScatterError of the analysis if the inputs cannot be used, and
+    RunError if another process runs in the folder and files would change, before anything is written; OSError if a file
+    cannot be written.
     """
-    inputs = read_json(folder / "inputs.json", {})
+    inputs = read_inputs(folder)
     keep = inputs.get("digest") == inputs_digest(config) and (folder / "points.csv").exists()
     outcome = "kept" if keep else "chosen anew" if inputs else "chosen"
     points, inputs = (read_points(folder), inputs) if keep else _choose(config)
+    writes: Writes = {}
     if config.material.heterogeneity == "grain":
-        _sample_grains(config, folder, points, inputs, anew=not keep)
+        writes |= _sample_grains(config, folder, points, inputs, anew=not keep)
+    writes |= _make_assemblies(config, folder)
+    if not _has_text(folder / "config.toml", config.text):
+        writes[folder / "config.toml"] = partial(write_text, text=config.text)
     if not keep:
         text = points.to_csv()
-        write_text(folder / "points.csv", text)
-        write_json(folder / "inputs.json", inputs | points_note(config, text))
-    _make_assemblies(config, folder)
-    write_text(folder / "config.toml", config.text)
+        writes[folder / "points.csv"] = partial(write_text, text=text)
+        writes[folder / "inputs.json"] = partial(write_json, value=inputs | points_note(config, text))
+    if writes:
+        _write_all(folder, writes)
     return points, outcome
+
+
+def _has_text(path: Path, text: str) -> bool:
+    try:
+        return path.read_text(encoding="utf-8") == text
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+def _write_all(folder: Path, writes: Writes) -> None:
+    """Write files in this order while no other process runs in the folder; after an error the new ones are removed."""
+    was_there = folder.exists()
+    new = [path for path in writes if not path.exists()]
+    try:
+        with folder_lock(folder):
+            for path, write in writes.items():
+                write(path)
+    except OSError:
+        for path in new:
+            path.unlink(missing_ok=True)
+        if not was_there:
+            with contextlib.suppress(OSError):
+                (folder / ".lock").unlink(missing_ok=True)
+                (folder / "tables").rmdir()
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+        raise
+
+
+def read_inputs(folder: Path) -> dict[str, Any]:
+    """Return the contents of inputs.json, {} without the file.
+
+    Raises PlanError if it is damaged: the points that the runs have cannot be told from it, OSError if it cannot be
+    read now.
+    """
+    path = folder / "inputs.json"
+    inputs = read_json(path, {})
+    if path.exists() and not (INPUTS.keys() <= inputs.keys() and all(isinstance(inputs[k], INPUTS[k]) for k in INPUTS)):
+        raise PlanError(f"{path}: is damaged; restore it, or delete it and points.csv to choose the points again")
+    return inputs
 
 
 def read_points(folder: Path) -> RepresentativePoints:
@@ -56,7 +114,7 @@ def read_points(folder: Path) -> RepresentativePoints:
     from analysis.points import RepresentativePoints
 
     path = folder / "points.csv"
-    inputs = read_json(folder / "inputs.json", {})
+    inputs = read_inputs(folder) if path.exists() else {}
     try:
         text = path.read_text(encoding="utf-8")
     except OSError:
@@ -72,12 +130,54 @@ def read_planned_points(config: Config, folder: Path) -> RepresentativePoints:
     Raises PlanError if there is no plan, or if the inputs changed since the points were chosen.
     """
     points = read_points(folder)
-    if read_json(folder / "inputs.json", {}).get("digest") != inputs_digest(config):
+    if read_inputs(folder).get("digest") != inputs_digest(config):
         raise PlanError(
             f"{folder}: [inputs], [points], the pairs or (with E_p_GPa) material.nu "
             "changed since the points were chosen; run `plan`"
         )
     return points
+
+
+def describe_inputs(folder: Path, points: RepresentativePoints) -> tuple[list[str], list[str]]:
+    """Return lines on the fits in inputs.json and the range of the points, and the warnings about the inputs.
+
+    The warnings of an inputs.json that an earlier version wrote are found anew. Raises PlanError for a damaged file.
+    """
+    inputs = read_inputs(folder)
+    try:
+        return _inputs_text(inputs, points), _warnings(inputs)
+    except (AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
+        text = f"{type(error).__name__}: {error}"
+        raise PlanError(
+            f"{folder / 'inputs.json'}: its fits cannot be read ({text}); restore it, or delete it and points.csv to "
+            "choose the points again"
+        ) from error
+
+
+def _inputs_text(inputs: dict[str, Any], points: RepresentativePoints) -> list[str]:
+    from analysis.inputs.summary import fit_lines
+
+    friction, modulus, probability = points.mu_s, points.G_p * 1e-9, points.probability
+    return [
+        f"inputs: {len(inputs.get('pairs', []))} pairs, {inputs.get('source') or 'unnamed'}",
+        *(f"  {line}" for line in fit_lines(inputs)),
+        f"points: mu_s {friction.min():.3g} to {friction.max():.3g}, "
+        f"G_p {modulus.min():.3g} to {modulus.max():.3g} GPa, "
+        f"probabilities {probability.min():.2g} to {probability.max():.2g}",
+    ]
+
+
+def _warnings(inputs: dict[str, Any]) -> list[str]:
+    if "warnings" in inputs or not inputs.get("marginals"):
+        return [str(text) for text in inputs.get("warnings", [])]
+    import numpy as np
+
+    from analysis.copulas import CopulaFit
+    from analysis.inputs.marginals import Marginal
+    from analysis.inputs.plausibility import input_warnings
+
+    tables = {symbol: [Marginal.from_dict(fit) for fit in table] for symbol, table in inputs["marginals"].items()}
+    return input_warnings(np.asarray(inputs["pairs"], float), tables, list(map(CopulaFit.from_dict, inputs["copulas"])))
 
 
 def inputs_digest(config: Config) -> str:
@@ -101,10 +201,11 @@ def _choose(config: Config) -> tuple[RepresentativePoints, dict[str, Any]]:
     import numpy as np
 
     from analysis.inputs.joint import fit_joint
-    from analysis.inputs.pairs import read_pairs
+    from analysis.inputs.pairs import read_numbered_pairs
+    from analysis.inputs.plausibility import input_warnings
     from analysis.points.selection import select_points
 
-    pairs = read_pairs(config.pairs_path, nu=config.material.nu)
+    pairs, lines = read_numbered_pairs(config.pairs_path, nu=config.material.nu)
     families: dict[str, Any] = {"copula_families": config.inputs.copulas or None}
     if config.inputs.marginals:
         families["marginal_families"] = config.inputs.marginals
@@ -114,6 +215,7 @@ def _choose(config: Config) -> tuple[RepresentativePoints, dict[str, Any]]:
     _refuse_impossible(points.x, fit.joint, f"the {wanted.n} points", config)
     fits = fit.to_dict()
     fits["marginals"] = dict(zip(("mu_s", "G_p"), fits["marginals"], strict=True))
+    fits["warnings"] = input_warnings(pairs, dict(zip(("mu_s", "G_p"), fit.marginals, strict=True)), fit.copulas, lines)
     inputs = {
         "source": config.inputs.pairs,
         "pairs": pairs.tolist(),
@@ -136,8 +238,9 @@ def _refuse_impossible(x: np.ndarray, joint: Joint, what: str, config: Config) -
             )
 
 
-def _make_assemblies(config: Config, folder: Path) -> None:
-    """Write assembly_<seed>.h5 for every packing, unless it is there and was made with the same settings."""
+def _make_assemblies(config: Config, folder: Path) -> Writes:
+    """Make assembly_<seed>.h5 for every packing, unless it is there and was made with the same settings."""
+    writes: Writes = {}
     grains = config.assembly
     for seed in grains.packings:
         path = folder / f"assembly_{seed}.h5"
@@ -148,19 +251,21 @@ def _make_assemblies(config: Config, folder: Path) -> None:
             continue
         from analysis.assembly import make_assembly, write_assembly
 
-        write_assembly(path, make_assembly(**made_with), made_with)
-        write_json(note, made_with)
+        line = Progress()
+        assembly = make_assembly(**made_with, progress=lambda text: line.show(f"{path.name}: {text}"))  # noqa: B023
+        line.end()
+        writes[path] = partial(write_assembly, assembly=assembly, attrs=made_with)
+        writes[note] = partial(write_json, value=made_with)
+    return writes
 
 
 def _sample_grains(
     config: Config, folder: Path, points: RepresentativePoints, inputs: dict[str, Any], *, anew: bool
-) -> None:
-    """Draw a pair (mu_s, G_p) for every grain of every point from the fitted joint distribution and write the files.
+) -> Writes:
+    """Draw a pair (mu_s, G_p) for every grain of every point from the fitted joint distribution.
 
-    All values are checked before a file is written; raises PlanError for a value at or below zero. Files that are there
-    are kept, unless the points are chosen `anew`.
+    Raises PlanError for a value at or below zero. Files that are there are kept, unless the points are chosen `anew`.
     """
-    import h5py
     import numpy as np
 
     from analysis.inputs.joint import Joint
@@ -172,7 +277,11 @@ def _sample_grains(
             rng = np.random.default_rng([config.inputs.seed, point.id])
             drawn[path] = joint.sample(config.assembly.N, rng)
             _refuse_impossible(drawn[path], joint, f"the {config.assembly.N} grains of point {point.id}", config)
-    for path, grains in drawn.items():
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with atomic_write(path) as part, h5py.File(part, "w") as file:
-            file["mu_s"], file["G_p"] = grains.T
+    return {path: partial(_write_grains, grains=grains) for path, grains in drawn.items()}
+
+
+def _write_grains(path: Path, grains: np.ndarray) -> None:
+    """Write the values (n, 2) of mu_s and G_p (Pa) of a specimen's grains."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_write(path) as part, write_hdf5(part) as file:
+        file["mu_s"], file["G_p"] = grains.T

@@ -3,21 +3,29 @@
 A run is done when its product exists, the product's checksum holds, and the parameters in it are those of the plan. The
 outcome of a check is kept in products/checked.json with the file's size and times, so that the next check of an
 unchanged product costs one `stat`. Without a product a run is done, too, if the folder's archive (runs.h5) holds it and
-no run that is still to be made starts from it.
+no run that is still to be made starts from it. A product that cannot be read now, since another process holds a lock on
+it or the file system fails, is unknown: nothing is concluded from it, and nothing is done with it.
 """
 
 from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
+import re
+import subprocess
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from campaign.files import read_json, write_json
-from campaign.folder import file_sum, is_locked, record_sum, recorded_sums, write_failure
+from analysis.errors_and_files import is_locked_elsewhere, open_without_locks
+from campaign.config import ROOT
+from campaign.files import read_json, say_once, write_json
+from campaign.folder import file_sum, is_locked, record_sum, recorded_sums, recorded_times, write_failure
 from campaign.plan import PlannedRun
 from campaign.run_one import RETRY_STEP
 
@@ -25,6 +33,8 @@ ARCHIVE = "runs.h5"
 CHECKED = "checked.json"
 #: Record columns whose values must all be finite; the analysis checks the others when it reads a product.
 FINITE = ("sigma", "e", "Z")
+#: Facts of a run that are numbers; all others are texts or truth values.
+NUMBERS = ("cpu_seconds", "wall_seconds", "steps", "resumed")
 
 
 @dataclass(frozen=True)
@@ -32,14 +42,29 @@ class RunStatus:
     """The status of one run, the reason in one line, and facts such as CPU time.
 
     done: the product can be used. failed: the run failed, or the run that it starts from did. refused: there is a
-    product that cannot be used. running: a process works on it. queued: it waits in SLURM. missing: it is to be run.
-    spared: it is not needed, since the target error was reached without it.
+    product that cannot be used. unknown: its product cannot be read now. running: a process works on it. queued: it
+    waits in SLURM. missing: it is to be run. spared: it is not needed, since the target error was reached without it.
     """
 
     run_id: str
     status: str
     reason: str = ""
     facts: dict[str, Any] = field(default_factory=dict)
+
+
+#: Reads everything in an HDF5 file and prints when a run wrote it.
+READ_ALL = """
+import sys
+from analysis.errors_and_files import open_without_locks
+with open_without_locks(sys.argv[1]) as file:
+    file.visititems(lambda name, item: item[()] is None if hasattr(item, "shape") else None)
+    print(file.attrs["created"])
+"""
+READ_SECONDS = 600.0
+
+
+class UnreadableError(Exception):
+    """A file is there and cannot be read now; the text is the reason. It says nothing about the file's contents."""
 
 
 def run_statuses(
@@ -49,11 +74,11 @@ def run_statuses(
 
     rehash: read every product again, also those whose size and times are unchanged. spared: ids of runs that are not
     needed; without a product they are "spared" instead of "missing". Raises analysis.runs.archive.ArchiveError if the
-    folder's archive is damaged.
+    folder's archive is damaged, OSError if the folder cannot be read.
     """
     products = folder / "products"
     names = set(os.listdir(products)) if products.is_dir() else set()
-    cache = {} if rehash else read_json(products / CHECKED, {})
+    cache = {} if rehash else _read_cache(products / CHECKED)
     checked, sums = dict(cache), None
     statuses: dict[str, RunStatus] = {}
     archive = archived(folder)
@@ -62,14 +87,21 @@ def run_statuses(
     for row in rows:
         name = f"{row.run_id}.h5"
         if name in names:
-            stamp = file_stamp(products / name)
-            entry = cache.get(row.run_id)
-            if entry is None or entry["stamp"] != stamp:
-                sums = recorded_sums(products) if sums is None else sums
-                entry = {"stamp": stamp, **_check(products / name, row, sums)}
-                checked[row.run_id] = entry
-            reason = entry["reason"]
-            status = RunStatus(row.run_id, "refused" if reason else "done", reason, entry["facts"])
+            try:
+                stamp = file_stamp(products / name)
+                entry = cache.get(row.run_id)
+                if entry is None or entry["stamp"] != stamp:
+                    sums = _sums(products) if sums is None else sums
+                    entry = {"stamp": stamp, **_check(products / name, row, sums)}
+                    if file_stamp(products / name) != stamp:
+                        raise UnreadableError("has changed while it was read")
+                    checked[row.run_id] = entry
+                reason = entry["reason"]
+                status = RunStatus(row.run_id, "refused" if reason else "done", reason, entry["facts"])
+            except UnreadableError as error:
+                status = _unknown(row, f"{name}: {error}")
+            except OSError as error:
+                status = _unknown(row, f"{name}: cannot be read now: {error.strerror or error}")
         elif row.run_id in archive:
             status = RunStatus(row.run_id, "done", "", _archived_facts(archive[row.run_id], row))
         elif f"{row.run_id}.failed.json" in names:
@@ -127,13 +159,54 @@ def _archived_facts(summary: dict[str, Any], row: PlannedRun) -> dict[str, Any]:
     return facts
 
 
+def _unknown(row: PlannedRun, reason: str) -> RunStatus:
+    return RunStatus(row.run_id, "unknown", f"products/{reason}; nothing is done with it")
+
+
+def _sums(products: Path) -> dict[str, str]:
+    try:
+        return recorded_sums(products)
+    except OSError as error:
+        raise UnreadableError(f"its checksum in SHA256SUMS cannot be read now: {error.strerror or error}") from None
+
+
+def _read_cache(path: Path) -> dict[str, dict[str, Any]]:
+    """The outcomes of earlier checks that are whole; what is damaged is checked anew."""
+    try:
+        entries = read_json(path, {})
+    except OSError:
+        return {}
+    return {
+        run_id: entry | {"facts": _plain_facts(entry["facts"])}
+        for run_id, entry in entries.items()
+        if isinstance(entry, dict)
+        and isinstance(entry.get("stamp"), list)
+        and isinstance(entry.get("reason"), str)
+        and isinstance(entry.get("facts"), dict)
+    }
+
+
+def _plain_facts(facts: dict[str, Any]) -> dict[str, Any]:
+    """Facts of a file that may have been damaged: numbers where numbers are expected, texts for the rest."""
+    return {
+        name: value if name not in NUMBERS else float(value) if name == "cpu_seconds" else value
+        for name, value in facts.items()
+        if name in NUMBERS and _is_number(value) or name not in NUMBERS and isinstance(value, (str, bool))
+    }
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
 def clear_the_way(
     folder: Path, rows: Sequence[PlannedRun], *, again: bool, spared: frozenset[str]
 ) -> tuple[dict[str, RunStatus], list[PlannedRun]]:
     """Return the status of every run, and the rows to run now.
 
     Refused products are moved aside, with `again` failures are removed, and runs whose start failed get their failure
-    file. Raises OSError if the folder cannot be written.
+    file. A run whose start, or the start of that, is unknown is not run now. Raises OSError if the folder cannot be
+    written.
     """
     statuses = run_statuses(folder, rows, spared=spared)
     write_blocked(folder, statuses)
@@ -142,7 +215,14 @@ def clear_the_way(
     if run_ids:
         set_aside(folder, run_ids)
         statuses = run_statuses(folder, rows, spared=spared)
-    return statuses, [row for row in rows if statuses[row.run_id].status == "missing"]
+    missing, waiting = [], {run_id for run_id, status in statuses.items() if status.status == "unknown"}
+    for row in rows:
+        if statuses[row.run_id].status == "missing":
+            if row.start in waiting:
+                waiting.add(row.run_id)
+            else:
+                missing.append(row)
+    return statuses, missing
 
 
 def stale(folder: Path, rows: Sequence[PlannedRun]) -> list[str]:
@@ -184,29 +264,71 @@ def file_stamp(path: Path) -> list[int]:
 
 def _failed(products: Path, row: PlannedRun, statuses: dict[str, RunStatus]) -> RunStatus:
     """The status of a run with a failure file; "missing" if it failed for its start only, and the start is repeated."""
-    failure = read_json(products / f"{row.run_id}.failed.json")
+    try:
+        failure = read_json(products / f"{row.run_id}.failed.json")
+    except OSError as error:
+        return _unknown(row, f"{row.run_id}.failed.json: cannot be read now: {error.strerror or error}")
     if not isinstance(failure, dict):
         return RunStatus(row.run_id, "failed", "its failure file is damaged", {})
     start = statuses.get(row.start)
     if failure.get("blocked") and not (start and start.status == "failed"):
         return RunStatus(row.run_id, "missing")
-    facts = {k: v for k, v in failure.items() if k not in ("run_id", "reason")}
-    return RunStatus(row.run_id, "failed", str(failure.get("reason", "no reason given")), facts)
+    facts = _plain_facts({k: v for k, v in failure.items() if k not in ("run_id", "reason")})
+    reason = " ".join(str(failure.get("reason", "no reason given")).split())[:400]
+    return RunStatus(row.run_id, "failed", reason, facts)
 
 
 def _check(path: Path, row: PlannedRun, sums: dict[str, str]) -> dict[str, Any]:
-    """The outcome of reading a product: {"reason": "" or one line, "facts": ...}."""
+    """The outcome of reading a product: {"reason": "" or one line, "facts": ...}.
+
+    Raises UnreadableError or OSError if it cannot be read now.
+    """
+    if is_locked(path):
+        raise UnreadableError("another process holds a lock on it")
     recorded = sums.get(path.name)
-    if recorded and file_sum(path) != recorded:
+    remade = bool(recorded) and file_sum(path) != recorded
+    if remade and not _is_made_again(path):
         return {"reason": "its bytes have changed since it was written (checksum)", "facts": {}}
     try:
         reason, facts = inspect_product(path, row)
     except (OSError, KeyError, ValueError, RuntimeError, TypeError) as error:  # what h5py raises for damaged files
+        if isinstance(error, OSError):
+            _raise_if_unreadable(error)
         return {"reason": f"cannot be read as a run file: {' '.join(str(error).split())[:120]}", "facts": {}}
-    if not reason and not recorded:
+    if not reason and (remade or not recorded):
         with contextlib.suppress(OSError):  # in a read-only folder the product can still be used
             record_sum(path)
+        if remade:
+            say_once(
+                f"products/{path.name} was made again by hand, with the plan's parameters; its checksum is updated"
+            )
     return {"reason": reason, "facts": facts}
+
+
+def _raise_if_unreadable(error: OSError) -> None:
+    """Raise UnreadableError if the system could not read a file: that says nothing about what is in it."""
+    if is_locked_elsewhere(error):
+        raise UnreadableError("another process holds a lock on it") from None
+    errno = error.errno or int((re.search(r"errno = (\d+)", str(error)) or [0, 0])[1])
+    if errno > 0:
+        raise UnreadableError(f"cannot be read now: {os.strerror(errno)}") from None
+
+
+def _is_made_again(path: Path) -> bool:
+    """Whether a product whose checksum is not the recorded one was made after that was recorded, and is whole.
+
+    A run states when it wrote its product, and damage changes bytes of an older one. Everything in it is read, which
+    compares the checksums of what HDF5 keeps packed: in a process of its own, since damage can end that by a signal.
+    """
+    try:
+        recorded = datetime.fromisoformat(recorded_times(path.parent).get(path.name, ""))
+        if path.stat().st_mtime < recorded.timestamp():
+            return False
+        command = [sys.executable, "-c", READ_ALL, str(path)]
+        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=READ_SECONDS)
+        return not done.returncode and recorded <= datetime.fromisoformat(done.stdout.strip()) <= datetime.now(UTC)
+    except (TypeError, ValueError, subprocess.TimeoutExpired):  # no time was noted, or it has no zone
+        return False
 
 
 def inspect_product(path: Path, row: PlannedRun) -> tuple[str, dict[str, Any]]:
@@ -215,10 +337,9 @@ def inspect_product(path: Path, row: PlannedRun) -> tuple[str, dict[str, Any]]:
     Reads the attributes and the record, not the snapshots. Raises OSError, KeyError, ValueError, RuntimeError or
     TypeError for a file that is damaged or no HDF5 file.
     """
-    import h5py
     import numpy as np
 
-    with h5py.File(path, "r") as file:
+    with open_without_locks(path) as file:
         head = dict(file.attrs)
         if head.get("format") != "dem-run":
             return f"is no run file: format = {head.get('format')!r}", {}

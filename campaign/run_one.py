@@ -4,7 +4,8 @@
 
 Runs the row in YADE on one thread and without network servers (see `no_servers/`), stops the run if it hangs, and
 repeats it once with a smaller time step where that can help. If the run failed, it writes a failure file with the
-reason in one line; if the machine failed (no YADE, disk full), it writes nothing, so that the run stays missing.
+reason in one line; if the machine failed (no YADE, disk full, YADE killed from outside), it writes nothing, so that the
+run stays missing and keeps its checkpoint. Each run has a folder of its own for temporary files, which ends with it.
 
 Exit codes: 0 the product is there, 1 the run failed, 74 the machine failed, 75 another process works on this run.
 Standard library only, so that the start takes little time.
@@ -14,7 +15,6 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-import fcntl
 import os
 import re
 import resource
@@ -27,10 +27,9 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
 
 from campaign.files import read_json, write_json, write_text
-from campaign.folder import is_locked, record_sum, write_failure
+from campaign.folder import HeldError, exclusive, is_locked, open_plain, record_sum, write_failure
 
 OK, FAILED, ENVIRONMENT, BUSY = 0, 1, 74, 75
 #: Factor on the time step in the second attempt of a run.
@@ -40,7 +39,12 @@ FREE_BYTES = 16 << 20
 #: CPU seconds that are assumed for a row without a prediction.
 UNKNOWN_CPU_SECONDS = 600.0
 #: Failure reasons that the machine causes, not the run.
-MACHINE = r"(?i)no space left|disk quota|read-only file system|cannot allocate memory|input/output error|errno = 28\b"
+MACHINE = (
+    r"(?i)no space left|disk quota|read-only file system|cannot allocate memory|input/output error|errno = 28\b"
+    r"|unable to lock file|no locks available|stale file handle|^KeyboardInterrupt"
+)
+#: Signals by which a process ends through its own fault; any other one comes from outside, from a user or the kernel.
+CRASHES = (signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGTRAP, signal.SIGSYS)
 HERE = Path(__file__).resolve().parent
 
 
@@ -71,14 +75,15 @@ def run_row(table: Path, line: int, script: str) -> int:
     if (outcome := _wait_for_start(task, product)) is not None:
         return outcome
     lock_path = product.parent / f".{run_id}.lock"
-    with _slot(), open(lock_path, "w") as lock:
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(_slot())
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+            stack.enter_context(exclusive(lock_path))
+        except HeldError:
             print(f"{run_id}: is running already")
             return BUSY
         if os.environ.get("CAMPAIGN_LOG"):  # in SLURM, where nothing else writes the output to the log
-            log = os.open(f"logs/{run_id}.log", os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+            log = open_plain(Path(f"logs/{run_id}.log"), os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
             os.dup2(log, 1)
             os.dup2(log, 2)
         try:
@@ -138,16 +143,15 @@ def _slot() -> Iterator[None]:
     """
     places = int(os.environ.get("CAMPAIGN_JOBS", "0"))
     with contextlib.ExitStack() as stack:
-        files = [stack.enter_context(open(f"batch/slot_{k}.lock", "w")) for k in range(places)]
-        while files and not any(_locked_now(file) for file in files):
+        while places and not any(_taken(stack, Path(f"batch/slot_{k}.lock")) for k in range(places)):
             _sleep(0.05)
         yield
 
 
-def _locked_now(file: IO[str]) -> bool:
+def _taken(stack: contextlib.ExitStack, place: Path) -> bool:
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
+        stack.enter_context(exclusive(place))
+    except HeldError:
         return False
     return True
 
@@ -169,10 +173,11 @@ def _attempts(task: Task, product: Path, script: str) -> int:
     if result != FAILED or os.environ.get("CAMPAIGN_RETRY", "1") == "0":
         return result
     failure = read_json(product.with_suffix(".failed.json"), {})
-    if not failure.get("retry", _smaller_step_can_help(failure.get("reason", ""))):
+    first_reason = str(failure.get("reason", ""))
+    if not failure.get("retry", _smaller_step_can_help(first_reason)):
         return result
     smaller = float(task.cells["timestep_factor"]) * RETRY_STEP
-    print(f"{product.stem}: once more with timestep_factor = {smaller:g}, after: {failure['reason']}", flush=True)
+    print(f"{product.stem}: once more with timestep_factor = {smaller:g}, after: {first_reason}", flush=True)
     cells = task.cells | {"timestep_factor": repr(smaller)}
     retry = task.table.parent / f"retry_{product.stem}.table"
     write_text(retry, "  ".join(cells) + "\n" + "  ".join(cells.values()) + "\n")
@@ -182,7 +187,7 @@ def _attempts(task: Task, product: Path, script: str) -> int:
         second = read_json(product.with_suffix(".failed.json"), {})
         facts = {k: v for k, v in second.items() if k not in ("run_id", "reason", "time", "log")}
         write_failure(product.parent, product.stem, second.get("reason", ""), log=f"logs/{product.stem}.log",
-                      **facts, retried=True, first_reason=failure["reason"])  # fmt: skip
+                      **facts, retried=True, first_reason=first_reason)  # fmt: skip
     return result
 
 
@@ -209,24 +214,31 @@ def _attempt(task: Task, product: Path, script: str, batch: str) -> int:
         print(f"no space left: under {FREE_BYTES >> 20} MiB free for {product.parent}", flush=True)
         return ENVIRONMENT
     sys.stdout.flush()
-    child = subprocess.Popen([yade, "-n", "-x", "-j1", script], env=run_environment() | {"YADE_BATCH": batch},
-                             stdin=subprocess.DEVNULL, preexec_fn=die_with_parent)  # fmt: skip
+    with _temporary_folder(product) as place:
+        env = run_environment() | {"YADE_BATCH": batch, "TMPDIR": str(place)}
+        child = subprocess.Popen([yade, "-n", "-x", "-j1", script], env=env, stdin=subprocess.DEVNULL,
+                                 preexec_fn=die_with_parent)  # fmt: skip
 
-    def end_with_child(number: int, frame: object) -> None:
-        _end(child)
-        os._exit(128 + number)
+        def end_with_child(number: int, frame: object) -> None:
+            _end(child)
+            failure.unlink(missing_ok=True)  # what YADE states when it is interrupted, too, is no failure of the run
+            _remove_folder(place)
+            os._exit(128 + number)
 
-    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
-        signal.signal(number, end_with_child)
-    stopped = _watch(child, task.predicted)
+        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+            signal.signal(number, end_with_child)
+        stopped = _watch(child, task.predicted, place)
     if product.exists():
         failure.unlink(missing_ok=True)
         record_sum(product)
         return OK
-    reason = read_json(failure, {}).get("reason", "")
+    reason = str(read_json(failure, {}).get("reason", "")) or _killed(child.returncode)
     if not stopped and (re.search(MACHINE, reason) or shutil.disk_usage(product.parent).free < FREE_BYTES // 4):
         failure.unlink(missing_ok=True)
         print(f"not the run's fault, it stays missing: {reason or 'no space left on the disk'}", flush=True)
+        return ENVIRONMENT
+    if not stopped and not failure.exists() and _killed(child.returncode):
+        print(f"not the run's fault, it stays missing: {reason}", flush=True)
         return ENVIRONMENT
     if not failure.exists():
         write_failure(product.parent, product.stem, stopped or _reason(child.returncode, Path(log)), log=log)
@@ -238,7 +250,26 @@ def run_environment() -> dict[str, str]:
     env = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_"))}
     path = [str(HERE / "no_servers"), *env.get("PYTHONPATH", "").split(os.pathsep)]
     return env | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "DISPLAY": "",
+                  "HDF5_USE_FILE_LOCKING": "FALSE",  # some file systems have no locks, and a run shares no open file
                   "PYTHONPATH": os.pathsep.join(dict.fromkeys(p for p in path if p))}  # fmt: skip
+
+
+@contextlib.contextmanager
+def _temporary_folder(product: Path) -> Iterator[Path]:
+    """A folder for the temporary files of a run, new and empty; what a killed run left in it is removed before."""
+    place = product.parent.resolve() / f".{product.stem}.tmp"
+    _remove_folder(place)
+    place.mkdir()
+    try:
+        yield place
+    finally:
+        _remove_folder(place)
+
+
+def _remove_folder(place: Path) -> None:
+    if place.is_symlink():
+        place.unlink()
+    shutil.rmtree(place, ignore_errors=True)
 
 
 def die_with_parent() -> None:
@@ -251,10 +282,11 @@ def _end(child: subprocess.Popen) -> None:
     child.wait()
 
 
-def _watch(child: subprocess.Popen, predicted: float) -> str:
+def _watch(child: subprocess.Popen, predicted: float, place: Path) -> str:
     """Wait for the run; stop it once it has used far too much CPU time, or none for a long time.
 
-    Returns why it was stopped, "" if it ended by itself. Ends this process if the local engine ends.
+    place: the run's temporary files. Returns why it was stopped, "" if it ended by itself. Ends this process if the
+    local engine ends.
     """
     cpu_limit = float(os.environ.get("CAMPAIGN_CPU_LIMIT", "20")) * predicted
     patience = 60.0 * float(os.environ.get("CAMPAIGN_HANG_MINUTES", "10"))
@@ -269,6 +301,7 @@ def _watch(child: subprocess.Popen, predicted: float) -> str:
             return ""
         if ready:  # the local engine has ended
             _end(child)
+            _remove_folder(place)
             os._exit(128 + signal.SIGTERM)
         now, waits_for_a_core = _cpu_seconds(child.pid)
         if now > used + 0.01 or waits_for_a_core:
@@ -290,10 +323,26 @@ def _cpu_seconds(pid: int) -> tuple[float, bool]:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK"), fields[0] == "R"
 
 
+def _signal(code: int) -> int:
+    """The signal that ended YADE by its exit code, 0 if none did; a shell around it adds 128."""
+    number = -code if code < 0 else code - 128 if code > 128 else 0
+    return number if number in {*signal.Signals} or code < 0 else 0
+
+
+def _killed(code: int) -> str:
+    """By which signal YADE was killed from outside, in one line; "" if it was not."""
+    number = _signal(code)
+    return f"YADE was killed by signal {number} ({_signal_name(number)})" if number and number not in CRASHES else ""
+
+
+def _signal_name(number: int) -> str:
+    return signal.Signals(number).name if number in {*signal.Signals} else "real-time"
+
+
 def _reason(code: int, log: Path) -> str:
     """The reason, in one line, of a run that ended without a product and without a failure file."""
-    if code < 0:
-        return f"YADE ended by signal {-code} ({signal.Signals(-code).name})"
+    if number := _signal(code):
+        return f"YADE ended by signal {number} ({_signal_name(number)})"
     try:
         lines = log.read_text(errors="replace").splitlines()[-200:]
     except OSError:

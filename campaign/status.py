@@ -15,7 +15,7 @@ from campaign.plan import STAGES, PlannedRun
 from campaign.products import RunStatus, run_statuses, stale
 from campaign.progress import bar, span
 
-ORDER = ("done", "running", "queued", "failed", "refused", "missing", "spared")
+ORDER = ("done", "running", "queued", "failed", "refused", "unknown", "missing", "spared")
 
 
 def campaign_status(
@@ -57,7 +57,7 @@ def summary(config: Config, rows: Sequence[PlannedRun], statuses: dict[str, RunS
         for stage in (row.stage, "total"):
             counts[stage][status.status] += 1
             counts[stage]["total"] += 1
-        if status.status in ("failed", "refused"):
+        if status.status in ("failed", "refused", "unknown"):
             failures.append({"run_id": row.run_id, "state": status.status, "reason": status.reason,
                              "log": f"logs/{row.run_id}.log"})  # fmt: skip
             spent_on_failures += status.facts.get("cpu_seconds", 0.0)

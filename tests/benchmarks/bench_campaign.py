@@ -141,8 +141,11 @@ def faults(place: Path, asked) -> None:
     subprocess.run([sys.executable, "-m", "pytest", "-q", "tests/campaign/test_faults.py"], cwd=ROOT, check=True)
     with open(ROOT / "build" / "faults.csv", newline="") as file:
         lines = list(csv.DictReader(file))
-    for line in lines:  # folders and processes of that day say nothing
-        line["what the user sees"] = re.sub(r"/\S*/(?=run\b)|(?<=process )\d+", "", line["what the user sees"])
+    for line in lines:  # folders, processes and random names of that day say nothing
+        words = re.sub(
+            r"/\S*/(?=run\b)| \(process \d+ on \S+\)|(?<=-)[0-9a-f]{8}(?=,|$)", "", line["what the user sees"]
+        )
+        line["what the user sees"] = words
     _write("campaign_faults.csv", lines)
 
 

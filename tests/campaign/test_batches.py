@@ -136,7 +136,7 @@ def test_spared_points_are_filled_close_to_the_truth_and_marked(stopped):
         assert file["families/coupled/0.04/responses/eta"].attrs["filled"] == filled.sum()
     assert (results.runs["status"] == "spared").sum() == 2 * filled.sum()
     notes = " ".join(
-        wording.run_notes(results, evaluate_tables(results, ("runs", "run_counts", "design", "archived_runs")))
+        wording.run_notes(results, evaluate_tables(results, ("runs", "run_counts", "report_facts", "archived_runs")))
     )
     assert f"{filled.sum()} of {N} points were not run; a regression" in notes
 

@@ -3,6 +3,7 @@
 import json
 import resource
 import shutil
+from dataclasses import asdict
 
 import h5py
 import numpy as np
@@ -18,8 +19,9 @@ from analysis.runs.peak_critical import stress_ratio
 from analysis.tables.registry import TABLES
 from campaign import evaluate
 from campaign.__main__ import main
-from campaign.config import ConfigError
+from campaign.config import SECTIONS, ConfigError, parse_config
 from campaign.folder import recorded_sums
+from campaign.prepare import PlanError
 
 
 def test_help_names_every_command(tmp_path):
@@ -139,6 +141,7 @@ def drawn(monkeypatch):
     monkeypatch.setattr("analysis.results.read_results", lambda path: path.read_text())
     monkeypatch.setattr("analysis.tables.evaluate", evaluate_tables)
     monkeypatch.setattr("analysis.report.write_report", write_report)
+    monkeypatch.setattr(evaluate, "_changed_setting", lambda config, path: "")
     return calls
 
 
@@ -146,16 +149,30 @@ def test_report_is_written_once_for_the_same_results(tmp_path, drawn):
     folder = tmp_path / "run"
     folder.mkdir()
     (folder / "results.h5").write_text("results")
-    assert "report.html" in evaluate.report(folder) and "up to date" in evaluate.report(folder)
+    config = parse_config("")
+    assert "report.html" in evaluate.report(config, folder) and "up to date" in evaluate.report(config, folder)
     (folder / "results.h5").write_text("other results")
-    assert "up to date" not in evaluate.report(folder)
+    assert "up to date" not in evaluate.report(config, folder)
     assert drawn["write_report"] == [(r, {"points": f"frame of {r}"}) for r in ("results", "other results")]
+
+
+def test_a_report_of_other_settings_is_refused(tmp_path):
+    """It once said "report.html is up to date" although results.h5 belonged to the settings before."""
+    settings = {name: asdict(kind()) for name, kind in SECTIONS.items()}
+    with h5py.File(tmp_path / "results.h5", "w") as file:
+        file.attrs["settings"] = json.dumps(settings)
+    (tmp_path / "report.html").write_text("<html>")
+    with pytest.raises(
+        PlanError, match=r"other settings \(shear.strain_end = 0.4, now 0.2\); `analyse` makes it again"
+    ):
+        evaluate.report(parse_config("[shear]\nstrain_end = 0.2\n"), tmp_path)
+    assert evaluate._changed_setting(parse_config("[run]\njobs = 2\n"), tmp_path / "results.h5") == ""
 
 
 def test_tables_that_are_handed_on_are_not_computed_again(tmp_path, drawn):
     (tmp_path / "results.h5").write_text("results")
     frames = {"points": "a frame"}
-    evaluate.report(tmp_path, frames)
+    evaluate.report(parse_config(""), tmp_path, frames)
     assert drawn == {"evaluate": [], "write_report": [("results", frames)]}
 
 

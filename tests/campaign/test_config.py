@@ -72,3 +72,15 @@ def test_every_key_is_explained():
     keys += [("run.slurm", key) for key in fields(Slurm)]
     assert len(keys) > 40
     assert [f"{name}.{key.name}" for name, key in keys if not key.metadata["doc"]] == []
+
+
+def test_a_byte_order_mark_does_no_harm(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_bytes(b"\xef\xbb\xbf[points]\r\nn = 12\r\n")
+    assert read_config(path).points.n == 12
+    assert not read_config(path).text.startswith("\ufeff")
+
+
+def test_values_at_the_limits_of_a_unit_are_taken():
+    assert parse_config("[material]\nrho = 1050").material.rho == 1050.0
+    assert parse_config("[assembly]\nd50_mm = 40").assembly.d50_mm == 40.0

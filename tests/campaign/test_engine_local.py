@@ -6,11 +6,15 @@ import random
 import signal
 import subprocess
 import time
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from campaign_cases import ROOT, finish, make_small, needs_batch
 from kill_runs import kill_and_restart
+
+from campaign import engine_local
 
 pytestmark = needs_batch
 
@@ -44,6 +48,48 @@ def test_killed_at_random_moments_ends_with_the_same_products(tmp_path):
     assert small.sums() == whole.sums()
     finished = {r.run_id for r in small.rows}
     assert set(small.started()) == finished and small.total("done") == 10
+
+
+def test_command_lines_stay_short_for_30000_runs_of_a_stage(tmp_path, monkeypatch):
+    """Linux takes 128 KiB in one argument and 2 MiB in all."""
+    small = make_small(tmp_path)
+    for name in ("products", "logs"):
+        (small.folder / name).mkdir()
+    rows = [replace(small.rows[-1], run_id=f"{small.rows[-1].run_id}_{k}", start="") for k in range(60_000)]
+    commands = []
+
+    class Ended:
+        returncode = 0
+
+        def __init__(self, command, **_):
+            commands.append(command)
+
+        wait = poll = terminate = lambda *_, **__: 0
+
+    monkeypatch.setattr(engine_local.subprocess, "Popen", Ended)
+    watch = SimpleNamespace(show_progress=lambda folder: None)
+    engine_local._run_batches(small.config, small.folder, rows, rows[::2], watch)
+    assert len(commands) == 1
+    assert max(map(len, commands[0])) < 1 << 17 and sum(map(len, commands[0])) < 1 << 21
+    table = small.folder / next(word for word in commands[0] if word.endswith(".table"))
+    assert [line.split()[0] for line in table.read_text().splitlines()[2:]] == [row.run_id for row in rows[::2]]
+
+
+def test_temporary_files_end_with_their_run_also_when_it_is_killed(tmp_path):
+    small = make_small(tmp_path, temporary=True, faults={"shear": "hang"})
+    finish(small, *small.rows[-3:])
+    run = subprocess.Popen(small.line("run", "--jobs", "1"), env=small.env(), cwd=ROOT, start_new_session=True,
+                           stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)  # fmt: skip
+    while not (small.folder / "temporary.txt").exists():
+        time.sleep(0.05)
+    os.killpg(run.pid, signal.SIGKILL)
+    run.wait()
+    small.fake["faults"] = {}
+    assert small.command("run", "--jobs", "1").returncode == 0 and small.total("done") == 10
+    paths = (small.folder / "temporary.txt").read_text().split()
+    assert len(paths) == 4 and not any(map(os.path.exists, paths))
+    assert all(path.startswith(f"{small.folder}/products/.") for path in paths)
+    assert not list((small.folder / "products").glob(".*.tmp"))
 
 
 def test_interrupt_ends_in_one_line_and_leaves_nothing_running(tmp_path):
@@ -113,7 +159,10 @@ LOOPBACK = ("0100007F", "00000000000000000000000001000000")
 def test_only_loopback_pages_of_yade_batch_listen_during_a_run(tmp_path):
     """A real YADE process in a real campaign: nothing on any other address, and nothing at all opened by YADE."""
     small = make_small(tmp_path)
-    (tmp_path / "sleep.py").write_text("import time\nopen('up.txt', 'w').write('')\ntime.sleep(2)\n")
+    (tmp_path / "sleep.py").write_text(
+        "import os, time\nopen('its_folder.txt', 'w').write(os.path.dirname(O.tmpFilename()))\n"
+        "open('up.txt', 'w').write('')\ntime.sleep(2)\n"
+    )
     wrapper = tmp_path / "yade"
     wrapper.write_text(f"#!/bin/sh\nexec yade -n -x -j1 {tmp_path / 'sleep.py'}\n")
     wrapper.chmod(0o755)
@@ -130,6 +179,8 @@ def test_only_loopback_pages_of_yade_batch_listen_during_a_run(tmp_path):
     os.killpg(run.pid, signal.SIGKILL)
     run.wait()
     assert yade and opened_by_yade == []
+    its_folder = (small.folder / "its_folder.txt").read_text()
+    assert its_folder.startswith("/tmp/yade-") and not os.path.exists(its_folder)  # even after SIGKILL
     assert 1 <= len(sockets) <= 3  # a page of each stage's yade-batch
     assert all(address in LOOPBACK and 9080 <= port < 11000 for address, port in sockets)
 

@@ -83,6 +83,20 @@ def test_a_queue_that_does_not_answer_is_not_an_empty_one(tmp_path):
     assert status.returncode == 0 and "is not known" in status.stdout and "without a product" not in status.stdout
 
 
+def test_an_array_longer_than_the_cluster_allows_is_split(tmp_path):
+    small = make_small(tmp_path, more="[run.slurm]\npack = 0.0\nthrottle = 2\n")
+    limit = "echo 'MaxArraySize            = 3'"
+    done = small.command("run", "--engine", "slurm", PATH=slurm_of(tmp_path, sbatch=SUBMIT, scontrol=limit))
+    assert done.returncode == 0 and "4 shear in 4 tasks (jobs 4, 5)" in done.stdout, done.stderr
+    scripts = [(small.folder / name).read_text() for name in (small.folder / "submitted.txt").read_text().split()]
+    arrays = [re.search(r"--array=(\S+)", text)[1] for text in scripts]
+    after = [re.search(r"--dependency=afterany:(\S+)|$", text)[1] for text in scripts]
+    assert arrays == ["0-1%2", "0-2%2", "0-0%2", "0-2%2", "0-0%2"]
+    assert after == [None, "1", "1:2", "1:2:3", "1:2:3:4"]  # at most two tasks at once, also over the parts of a stage
+    lines = [(small.folder / f"batch/slurm_{k}_{stage}.tasks").read_text() for k, stage in ((1, "probe"), (2, "probe"))]
+    assert lines == ["3\n4\n5\n", "3\n"]
+
+
 def _queue() -> dict[tuple[str, int], str]:
     """(array job, task) -> state of all that waits or runs."""
     done = subprocess.run(["squeue", "-h", "-r", "-o", "%F %K %T"], capture_output=True, text=True)

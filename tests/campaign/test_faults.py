@@ -3,19 +3,25 @@
 The tests write a table of faults, build/faults.csv, which is kept as data/benchmarks/campaign_faults.csv.
 """
 
+import contextlib
 import csv
+import errno
+import fcntl
 import json
 import os
 import shutil
 import subprocess
 import time
+from datetime import UTC, datetime, timedelta
 
 import h5py
 import pytest
 import synthetic_runs
-from campaign_cases import ROOT, finish, make_small, needs_batch
+from campaign_cases import ROOT, SUBMIT, Small, finish, make_small, needs_batch, slurm_of
 
+from campaign import engine_slurm, products
 from campaign.__main__ import main
+from campaign.config import read_config
 
 pytestmark = needs_batch
 TABLE = ROOT / "build" / "faults.csv"
@@ -267,3 +273,331 @@ def test_leftovers_of_killed_runs_are_removed(small):
     assert not part.exists()
     status = small.status()
     assert status["stale"] == ["shear_of_an_old_plan"] and status["counts"]["total"]["total"] == 10
+
+
+def _here(small, monkeypatch, capsys, *words, **env):
+    """A command in this process, where parts of it can be replaced."""
+    for name, value in small.env(**env).items():
+        monkeypatch.setenv(name, value)
+    capsys.readouterr()
+    code = main(small.line(*words)[3:])
+    output = capsys.readouterr()
+    return subprocess.CompletedProcess([], code, output.out, output.err)
+
+
+def _lock(path, monkeypatch):
+    file = open(path, "rb")  # noqa: SIM115  held until the test ends
+    fcntl.flock(file, fcntl.LOCK_EX)
+    return file.close
+
+
+def _fail_once(path, monkeypatch):
+    """Reading the file in blocks fails once."""
+    read, failures = products.file_sum, [OSError(errno.EIO, "Input/output error")]
+
+    def file_sum(asked):
+        if asked == path and failures:
+            raise failures.pop()
+        return read(asked)
+
+    monkeypatch.setattr(products, "file_sum", file_sum)
+    return lambda: None
+
+
+def _fail_in_hdf5_once(path, monkeypatch):
+    File, failures = h5py.File, [OSError("Can't read data (errno = 5, error message = 'Input/output error')")]
+
+    def open_file(asked, *words, **options):
+        if str(asked) == str(path) and failures:
+            raise failures.pop()
+        return File(asked, *words, **options)
+
+    monkeypatch.setattr(h5py, "File", open_file)
+    return lambda: None
+
+
+UNREADABLE = {
+    "locked by another process": (_lock, "another process holds a lock on it", 3),
+    "reading fails once": (_fail_once, "cannot be read now: Input/output error", 0),
+    "reading fails once in HDF5": (_fail_in_hdf5_once, "cannot be read now: Input/output error", 0),
+}
+
+
+@pytest.mark.parametrize("fault", UNREADABLE)
+def test_product_that_cannot_be_read_now_is_unknown_and_stays(small, table, fault, monkeypatch, capsys):
+    disturb, words, code_of_run = UNREADABLE[fault]
+    path, before = small.product(), small.sums()
+    assert small.total("done") == 10
+    os.utime(path)  # so that it is checked again
+    undisturb = disturb(path, monkeypatch)
+    status = _here(small, monkeypatch, capsys, "status")
+    (line,) = [line for line in status.stdout.splitlines() if path.name in line]
+    assert words in line and status.returncode == 3
+    table.append((f"product {fault}", line, status.returncode, "none"))
+    entry = json.loads((small.folder / "products" / products.CHECKED).read_text())[small.rows[-1].run_id]
+    assert entry["stamp"] != products.file_stamp(path) and entry["reason"] == ""
+    run = _here(small, monkeypatch, capsys, "run", "--quiet")
+    assert run.returncode == code_of_run, run.stderr
+    undisturb()
+    assert small.started() == [] and small.sums() == before and not (small.folder / "products" / "refused").exists()
+    assert _here(small, monkeypatch, capsys, "status").returncode == 0 and small.total("done") == 10
+
+
+def test_what_starts_from_an_unknown_product_waits_and_nothing_is_computed(small, table, monkeypatch, capsys):
+    (first, shear) = small.rows[0], small.rows[-1]
+    chain = [row for row in small.rows if row.mu_iso == first.mu_iso and row is not first]
+    for row in [*chain, shear]:
+        (small.folder / row.product).unlink(missing_ok=True)
+    undisturb = _lock(small.folder / first.product, monkeypatch)
+    done = small.command("run", "--quiet")
+    assert done.returncode == 3 and small.started() == [shear.run_id]
+    refused = _here(small, monkeypatch, capsys, "archive")
+    assert refused.returncode == 2 and "another process holds a lock on it" in refused.stderr
+    undisturb()
+    assert small.command("run", "--quiet").returncode == 0 and small.total("done") == 10
+
+
+def test_file_system_without_locks(tmp_path, table, monkeypatch, capsys):
+    """No process can lock a file; each `run`, and each run, takes an exclusive file instead."""
+    small = make_small(tmp_path)
+    finish(small, *small.rows[-2:])
+    (tmp_path / "usercustomize.py").write_text(
+        "import fcntl, errno\ndef flock(*_): raise OSError(errno.ENOLCK, 'No locks available')\nfcntl.flock = flock\n"
+    )
+    done = small.command("run", "--quiet", PYTHONPATH=str(tmp_path))
+    assert done.returncode == 0, done.stderr
+    assert "has no locks" in _note(table, "file system without locks", done, {}, {})
+    assert len(done.stderr.splitlines()) == 1 and set(small.started()) == {r.run_id for r in small.rows[-2:]}
+    assert not list(small.folder.rglob("*.owner")) and small.total("done") == 10
+
+
+def test_run_killed_from_outside_is_missing_and_keeps_its_checkpoint(tmp_path, table):
+    small = make_small(tmp_path, n=3, more="[failures]\nretry = false\n")
+    killed = dict(zip(("SIGKILL", "SIGTERM", "SIGXCPU", "interrupt"), small.rows[-6:], strict=False))
+    crashed = dict(zip(("SIGSEGV", "SIGBUS"), small.rows[-2:], strict=True))
+    finish(small, *small.rows[-6:])
+    before = small.sums()
+    small.fake["faults"] = {row.run_id: fault for fault, row in (killed | crashed).items()}
+    done = small.command("run", "--quiet")
+    assert done.returncode == 3
+    line = _note(table, "YADE killed", subprocess.CompletedProcess([], 3, "", done.stderr.splitlines()[-1]), before,
+                 small.sums())  # fmt: skip
+    assert "YADE was killed by signal" in line or "KeyboardInterrupt" in line
+    counts = small.status()["counts"]["total"]
+    assert (counts["missing"], counts["failed"], counts["done"]) == (4, 2, 8)
+    assert "signal 11 (SIGSEGV)" in done.stderr and "signal 7 (SIGBUS)" in done.stderr
+    small.fake["faults"] = {}
+    assert small.command("run", "--quiet").returncode == 1
+    kept = {path.stem for path in (small.folder / "products").glob("*.checkpoint")}
+    assert {killed[name].run_id for name in ("SIGKILL", "SIGTERM", "SIGXCPU")} <= kept
+    assert small.total("done") == 12
+
+
+def test_disk_full_while_analysing(small_disk, table):
+    """Without room and with some: HDF5 itself would end the process by a signal, or leave half a file."""
+    small = finish(make_small(small_disk))
+    assert small.command("archive").returncode == 0
+    for name in ("results.h5", "tables/peak_critical.csv"):
+        (small.folder / name).write_bytes(b"of yesterday")
+    old = {name: (small.folder / name).read_bytes() for name in ("results.h5", "runs.h5", "tables/peak_critical.csv")}
+    ballast = small_disk / "ballast"
+    with contextlib.suppress(OSError), open(ballast, "wb", buffering=0) as file:
+        while True:
+            file.write(bytes(1 << 12))
+    for kib, commands in ((0, ("analyse", "archive")), (40, ("analyse",))):
+        os.truncate(ballast, ballast.stat().st_size - (kib << 10))
+        for command in commands:
+            done = small.command(command)
+            assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1, (done.returncode, done.stderr)
+            assert "space" in _note(table, f"{kib} KiB left for `{command}`", done, {}, {})
+            assert not list(small.folder.rglob("*.part"))
+            assert all((small.folder / name).read_bytes() == data for name, data in old.items())
+    ballast.unlink()
+    assert small.command("analyse").returncode == 0 and (small.folder / "results.h5").read_bytes() != old["results.h5"]
+
+
+@pytest.mark.parametrize("setting", ["strain_end = 0.05", "G_p_only = true"])
+def test_other_settings_are_not_planned_while_a_run_is_at_work(small, table, setting, monkeypatch, capsys):
+    assert _here(small, monkeypatch, capsys, "plan").returncode == 0
+    release = _lock(small.folder / ".lock", monkeypatch)
+    same = _here(small, monkeypatch, capsys, "plan")
+    assert same.returncode == 0  # nothing changes
+    before = {path: path.read_bytes() for path in small.folder.rglob("*") if path.is_file()}
+    section = "[families]\n" if "only" in setting else ""
+    text = small.toml.read_text()
+    small.toml.write_text(text.replace("strain_end = 0.1", setting) if not section else f"{text}{section}{setting}\n")
+    done = _here(small, monkeypatch, capsys, "plan")
+    assert done.returncode == 2
+    assert "another `run` is at work here" in _note(table, "`plan` with other settings during a run", done, {}, {})
+    assert {path: path.read_bytes() for path in small.folder.rglob("*") if path.is_file()} == before
+    release()
+    assert _here(small, monkeypatch, capsys, "plan").returncode == 0
+
+
+@pytest.mark.parametrize("step", ["make_assembly", "write_assembly"])
+def test_error_of_the_assembly_leaves_nothing_of_the_first_plan(tmp_path, table, step, monkeypatch, capsys):
+    from analysis import assembly
+
+    toml = synthetic_runs.write_config(tmp_path, n=8)
+    small = Small(toml, tmp_path / "run", [], read_config(toml))
+
+    def fail(*_, **__):
+        if step == "make_assembly":
+            raise assembly.AssemblyError("64 spheres: no room for them")
+        raise OSError(errno.ENOSPC, "No space left on device", "assembly_1.h5")
+
+    monkeypatch.setattr(assembly, step, fail)
+    done = _here(small, monkeypatch, capsys, "plan")
+    assert done.returncode == 2
+    _note(table, f"error of the assembly in the first `plan` ({step})", done, {}, {})
+    assert not small.folder.exists()
+    monkeypatch.undo()
+    assert main(small.line("plan")[3:]) == 0 and "points chosen" in capsys.readouterr().out
+
+
+def _made_again(small, when):
+    row = small.rows[-1]
+    small.product().unlink()
+    synthetic_runs.write_product(small.folder, row)
+    with h5py.File(small.product(), "r+") as file:
+        file.attrs["created"] = when.isoformat(timespec="seconds")
+        file["timing"].attrs["cpu_seconds"] = 7.0
+    return row
+
+
+def test_product_made_again_by_hand_is_accepted_and_its_checksum_updated(small, table, monkeypatch, capsys):
+    assert _here(small, monkeypatch, capsys, "status").returncode == 0
+    row = _made_again(small, datetime.now(UTC) + timedelta(seconds=1))
+    while datetime.now(UTC).timestamp() < os.stat(small.product()).st_mtime + 1.1:
+        time.sleep(0.1)
+    done = _here(small, monkeypatch, capsys, "status")
+    assert "its checksum is updated" in _note(table, "product made again by hand", done, {}, {})
+    assert small.total("done") == 10 and row.run_id in done.stderr
+    sums = ["sha256sum", "--quiet", "--strict", "--check", "SHA256SUMS"]
+    lines = (small.folder / "products" / "SHA256SUMS").read_text().splitlines()
+    assert sum(row.run_id in line for line in lines) == 2 and row.run_id in lines[-1]
+    (small.folder / "products" / "last").write_text(lines[-1] + "\n")
+    assert subprocess.run([*sums[:-1], "last"], cwd=small.folder / "products").returncode == 0
+    assert _here(small, monkeypatch, capsys, "status").stderr == ""  # said once
+
+
+def test_product_that_is_older_than_its_checksum_has_changed(small, monkeypatch, capsys):
+    assert _here(small, monkeypatch, capsys, "status").returncode == 0
+    _made_again(small, datetime.now(UTC) - timedelta(days=1))
+    assert "bytes have changed" in _here(small, monkeypatch, capsys, "status").stdout
+
+
+NOTES = ("products/{}.failed.json", "products/checked.json", "inputs.json", "tables/written.json",
+         "tables/analysed.json", "tables/enough.json", "batch/slurm.json")  # fmt: skip
+CONTENTS = {"list": "[1]", "number": "3", "null": "null", "text": '"x"', "object": '{"a": 1}', "half": '[{"job": "1"',
+            "nested": "[" * 2000 + "]" * 2000, "deep": '{"a":' * 2000 + "1" + "}" * 2000,
+            "bytes": "\xff"}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NOTES)
+def test_damaged_notes_end_in_a_line_or_count_as_absent(small, table, name, monkeypatch, capsys):
+    stop = '[pdem]\nstop_when = "5%"\n' if "enough" in name else ""
+    small.toml.write_text(small.toml.read_text() + stop)
+    path = small.folder / name.format(small.rows[-1].run_id)
+    if "failed" in name:
+        small.product().unlink()
+    (small.folder / "results.h5").write_text("no HDF5")
+    path.parent.mkdir(exist_ok=True)
+    seen = set()
+    for content in CONTENTS.values():
+        path.write_text(content, encoding="latin-1")
+        for words in (["status"], ["missing"], ["plan"], ["report"], ["run", "--quiet"], ["run", "--engine", "slurm"]):
+            if "slurm" in words and "slurm" not in name or "run" in words and "enough" in name:
+                continue
+            slurm = {"PATH": slurm_of(small.folder, sbatch=SUBMIT, squeue="exit 0", scontrol="exit 0")}
+            done = _here(small, monkeypatch, capsys, *words, **(slurm if "slurm" in name else {}))
+            assert done.returncode in (0, 1, 2, 3) and "Traceback" not in done.stderr
+            assert len(done.stderr.strip().splitlines()) <= 2
+            seen |= {done.stderr.strip()}
+            path.write_text(content, encoding="latin-1")
+    assert small.started() == [] and not (small.folder / "submitted.txt").exists()
+    table.append(
+        (f"{name.format('RUN')} damaged", "counts as absent" if seen <= {""} else "one line", "0 to 3", "none")
+    )
+
+
+def test_damaged_failure_file_still_counts_as_a_failed_run(small):
+    """`analyse` reads the failure files, too: the run is failed, and the reason is that its file is damaged."""
+    from analysis.results.collect import _read_failure
+
+    for content in CONTENTS.values():
+        path = small.folder / "a.failed.json"
+        path.write_text(content, encoding="latin-1")
+        reason = _read_failure(path).get("reason", "its failure file is damaged")
+        assert reason == "its failure file is damaged"
+
+
+#: A damaged answer or note at the second submission -> (stand-ins for SLURM's commands, what the line must name).
+QUEUES = {
+    "squeue prints an error with exit 0": ({"squeue": "echo 'slurm_load_jobs error: Unable to contact'"}, "squeue"),
+    "squeue prints an error on stderr": ({"squeue": "echo 'slurm_load_jobs error: timed out' >&2"}, "squeue"),
+    "squeue prints bytes that are no UTF-8": ({"squeue": r"printf '1 0 \377\376\n'"}, "squeue"),
+    "squeue never answers": ({"squeue": "sleep 600"}, "no answer after 0.5 s"),
+    "slurm.json truncated": ({}, "slurm.json: is damaged"),
+}
+
+
+@pytest.mark.parametrize("fault", QUEUES)
+def test_unreadable_queue_submits_nothing(tmp_path, table, fault, monkeypatch, capsys):
+    small = make_small(tmp_path)
+    good = {"sbatch": SUBMIT, "squeue": "exit 0", "scontrol": "exit 0", "scancel": "exit 0"}
+    path = {"PATH": slurm_of(tmp_path, **good)}
+    assert _here(small, monkeypatch, capsys, "run", "--engine", "slurm", **path).returncode == 0
+    commands, words = QUEUES[fault]
+    slurm_of(tmp_path, **commands)
+    if "json" in fault:
+        note = small.folder / "batch" / "slurm.json"
+        note.write_text(note.read_text()[:60])
+    monkeypatch.setattr(engine_slurm, "SECONDS", 0.5 if "never" in fault else 60.0, raising=False)
+    done = _here(small, monkeypatch, capsys, "run", "--engine", "slurm", **path)
+    assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1
+    assert words in _note(table, fault, done, {}, {}) and "not known" in done.stderr
+    assert len((small.folder / "submitted.txt").read_text().split()) == 3
+    status = _here(small, monkeypatch, capsys, "status", **path)
+    assert status.returncode == 0 and "not known" in status.stdout
+
+
+#: What sbatch answers -> its stand-in.
+ANSWERS = {
+    "a notice": "echo 'sbatch: notice: maintenance on 17 May'",
+    "nothing": "exit 0",
+    "Submitted batch job 17": "echo 'Submitted batch job 17'",
+    "two numbers": "echo 17; echo 18",
+    "bytes that are no UTF-8": r"printf '17\377\n'",
+    "never": "sleep 600",
+    "a refusal": "echo 'sbatch: error: QOSMaxSubmitJobPerUserLimit' >&2; exit 1",
+}
+
+
+@pytest.mark.parametrize("answer", ANSWERS)
+def test_answers_of_sbatch_that_are_no_number(tmp_path, table, answer, monkeypatch, capsys):
+    """The first stage is submitted, the second is not: the first is cancelled, and nothing is noted as the second."""
+    small = make_small(tmp_path)
+    sbatch = f"case $2 in *consolidate*) echo '11;cluster-a';; *) {ANSWERS[answer]};; esac"
+    cancel = 'echo "$@" >> cancelled.txt'
+    path = {"PATH": slurm_of(tmp_path, sbatch=sbatch, squeue="exit 0", scontrol="exit 0", scancel=cancel)}
+    monkeypatch.setattr(engine_slurm, "SECONDS", 0.5 if answer == "never" else 60.0, raising=False)
+    monkeypatch.chdir(tmp_path)
+    done = _here(small, monkeypatch, capsys, "run", "--engine", "slurm", **path)
+    assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1
+    line = _note(table, f"sbatch answers {answer}", done, {}, {})
+    assert line.startswith("campaign: sbatch: ") and "job 11, submitted before it, was cancelled" in line
+    assert [job["job"] for job in json.loads((small.folder / "batch" / "slurm.json").read_text())] == ["11"]
+    cancelled = (tmp_path / "cancelled.txt").read_text().split()
+    assert cancelled[-1] == "11" and (answer == "a refusal" or cancelled[0].startswith("--name=small-probe-"))
+
+
+def test_link_in_place_of_the_lock(small, table, monkeypatch, capsys):
+    victim = small.folder.parent / "letters.txt"
+    victim.write_text("dear reader")
+    small.product().unlink()
+    (small.folder / ".lock").unlink(missing_ok=True)
+    (small.folder / ".lock").symlink_to(victim)
+    done = _here(small, monkeypatch, capsys, "run", "--quiet")
+    assert done.returncode == 2 and victim.read_text() == "dear reader"
+    assert "symbolic link" in _note(table, "a link in place of .lock", done, {}, {})

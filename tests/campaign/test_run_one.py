@@ -34,6 +34,26 @@ def test_exit_codes_are_those_that_yade_batch_and_slurm_scripts_know(module, tmp
     assert small.total("failed") == 1 and BUSY == 75
 
 
+def test_pages_answer_to_the_names_of_this_machine_only():
+    """A site's name may lead to 127.0.0.1, so that its page in a browser here could read the answer."""
+    code = (
+        "import http.server as h, threading, http.client as c\n"
+        "class Page(h.BaseHTTPRequestHandler):\n"
+        "    def do_GET(self): self.send_response(200); self.end_headers()\n"
+        "    def log_message(self, *_): pass\n"
+        "server = h.HTTPServer(('', 0), Page)\n"
+        "threading.Thread(target=server.serve_forever, daemon=True).start()\n"
+        "for host in ('localhost:9080', '127.0.0.1', 'evil.example:9080', 'localhost.evil.example', ''):\n"
+        "    page = c.HTTPConnection('127.0.0.1', server.server_port)\n"
+        "    page.putrequest('GET', '/', skip_host=True)\n"
+        "    page.putheader('Host', host) if host else None\n"
+        "    page.endheaders()\n"
+        "    print(page.getresponse().status)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], env=run_environment(), capture_output=True, text=True)
+    assert done.stdout.split() == ["200", "200", "403", "403", "403"], done.stderr
+
+
 def test_no_server_starts_in_the_environment_of_a_run():
     env = run_environment()
     code = "import socketserver; s = socketserver.TCPServer(('', 0), None); print(s.server_address[0])"

@@ -2,7 +2,8 @@
 """Stands in for `yade` where a test needs many runs or a fault; writes the products of `synthetic_runs`.
 
 FAKE_YADE in the environment is JSON: seconds or cpu_seconds (a run's length), products (a folder with consolidate.h5,
-probe.h5 and shear.h5 to copy, which is quicker) and faults ({part of a run id: "abort", "hang", ...}).
+probe.h5 and shear.h5 to copy, which is quicker), temporary (leave a temporary file) and faults ({part of a run id:
+"abort", "hang", ...}).
 """
 
 import json
@@ -10,6 +11,7 @@ import math
 import os
 import signal
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -44,8 +46,17 @@ def main() -> None:
     time.sleep(settings.get("seconds", 0.0))
     while time.process_time() < settings.get("cpu_seconds", 0.0):
         pass
+    if settings.get("temporary"):  # a file as YADE's scripts and libraries make them, and where it lies
+        with open("temporary.txt", "a") as file:
+            file.write(f"{tempfile.mkstemp()[1]}\n")
     if fault == "abort":
         os.kill(os.getpid(), signal.SIGABRT)
+    if fault.startswith("SIG"):
+        (products / f"{row.run_id}.checkpoint").write_text("half of the work")
+        os.kill(os.getpid(), getattr(signal, fault))
+    if fault == "interrupt":
+        write_failure(products, row.run_id, "KeyboardInterrupt: ")
+        sys.exit(1)
     if fault == "hang":
         time.sleep(3600)
     if fault == "spin":
