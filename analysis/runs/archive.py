@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,9 +17,11 @@ from typing import Any
 import h5py
 import numpy as np
 
-from ..errors_and_files import GrainScatterError, atomic_write, digest, open_hdf5
+from ..errors_and_files import GrainScatterError, atomic_write, digest, one_line, open_hdf5, write_hdf5
 from ..quantities import CONSOLIDATED, STAGE_STATES
-from .run_file import Run
+from . import peak_critical
+from .gate import check_product
+from .run_file import Run, _plain
 from .states import RunStates, run_states
 
 NAME = "runs.h5"
@@ -29,15 +32,18 @@ PROOFS = ("max_inertial_number", "servo_mean_error", "servo_max_error", "energy_
 TEXTS = ("created", "yade_version", "script_digest")
 #: Versions of the analysis (`measured_by`) whose archives hold the same states to the last bit: from before the files
 #: of the analysis moved into packages.  tests/test_laptop.py measures the example runs again and compares.
-SAME_STATES = ("aebd68a2264a",)
+SAME_STATES = ("aebd68a2264a", "49c981dc949e")
 #: Attribute of layout 2 that holds the JSON of a run: its facts, states, symbols and the name of its grains.
 _ENTRY = "told"
 #: Attributes of RunStates that are kept as JSON; responses and grains are datasets.
 _STATE_FIELDS = ("states", "errors", "steady_end", "critical_from", "unsteady", "drift")
+#: Facts that every archive of this layout has; the others came later.
+_NEEDED = {"reason", "resumed", "step_factor", "script_digest", "cpu_seconds", "wall_seconds", "steps"}
 #: The facts of a run without a product: NaN for numbers, an empty text for texts.
 NOTHING: dict[str, Any] = (
     dict.fromkeys((*TIMES, *PROOFS, *SETTINGS, *CONSOLIDATED), np.nan)
     | dict.fromkeys(("probe_asymmetry", "probe_pushed", "probe_off", "critical_from", "drift_eta", "drift_e"), np.nan)
+    | dict.fromkeys(("axes_off_diagonal", "axes_eta_windows", "axes_eta_mean"), np.nan)
     | dict.fromkeys((*TEXTS, "unsteady"), "")
     | {"N": 0, "resumed": 0, "step_factor": np.nan, "measured_by": ""}
 )
@@ -56,7 +62,12 @@ class RunSummary:
 
 
 def run_summary(run: Run) -> RunSummary:
-    """Summary of a product for the analysis.  Raises run_file.RunFileError if something needed is missing."""
+    """Summary of a product for the analysis.
+
+    Raises run_file.RunFileError if something needed is missing, or if the product fails the physical gate
+    (`gate.check_product`).
+    """
+    check_product(run)
     states = run_states(run) if run.stage in STAGE_STATES else None
     facts: dict[str, Any] = {
         "reason": str(run.attrs.get("exit_reason", "")),
@@ -71,6 +82,8 @@ def run_summary(run: Run) -> RunSummary:
         facts |= {name: float(run.parameters.get(name, np.nan)) for name in SETTINGS}
         facts |= {"critical_from": float(states.critical_from), "unsteady": states.unsteady}
         facts |= {f"drift_{symbol}": float(value) for symbol, value in states.drift.items()}
+        critical = run.record["sigma"][run.record["eps_a"] > states.critical_from]
+        facts |= {f"axes_{name}": value for name, value in peak_critical.off_axis(critical).items()}
     if run.stage == "consolidate":
         facts |= {symbol: float(run.record[symbol][-1]) for symbol in CONSOLIDATED if symbol in run.record}
     if run.stage == "probe" and states is not None:
@@ -100,20 +113,20 @@ class Archive(Mapping[str, RunSummary]):
             rows = list(data[()]) if data.shape else []
             if _digest(data.attrs[_ENTRY], rows) != data.attrs["sha256"]:
                 raise ArchiveError(f"{self.path}: run {run_id} has changed since it was written (checksum)")
-            entry = json.loads(data.attrs[_ENTRY])
+            entry = _entry(self.path, run_id, data)
             grains = _read_grains(file["grains"], entry["grains"])
-        if entry["states"] is None:
-            return RunSummary(entry["facts"], None)
-        responses = dict(zip(entry["symbols"], rows, strict=True))
-        eps_a = {"eps_a": responses.pop("eps_a")} if responses else {}
-        return RunSummary(entry["facts"], RunStates(**eps_a, responses=responses, grains=grains, **entry["states"]))
+            if entry["states"] is None:
+                return RunSummary(entry["facts"], None)
+            responses = dict(zip(entry["symbols"], rows, strict=True))
+            eps_a = {"eps_a": responses.pop("eps_a")} if responses else {}
+            return RunSummary(entry["facts"], RunStates(**eps_a, responses=responses, grains=grains, **entry["states"]))
 
     def facts(self) -> dict[str, dict[str, Any]]:
         """Run id -> its facts, for all runs in one reading of the file."""
         if not self._ids:
             return {}
         with _open(self.path) as file:
-            return {name: json.loads(data.attrs[_ENTRY])["facts"] for name, data in file["runs"].items()}
+            return {name: _entry(self.path, name, data)["facts"] for name, data in file["runs"].items()}
 
     def __contains__(self, run_id: object) -> bool:
         return run_id in self._known
@@ -126,8 +139,8 @@ class Archive(Mapping[str, RunSummary]):
 
 
 def write_archive(path: str | Path, summaries: Mapping[str, RunSummary]) -> None:
-    """Write an archive of these runs; an existing file is replaced once the new one is complete."""
-    with atomic_write(path, fsync=True) as part, h5py.File(part, "w") as file:
+    """Write an archive of these runs, with its checksum; an existing file is replaced once the new one is complete."""
+    with atomic_write(path, fsync=True) as part, write_hdf5(part) as file:
         file.attrs.update(format=FORMAT, format_version=VERSION)
         runs, grains = file.create_group("runs"), file.create_group("grains")
         for run_id in sorted(summaries):
@@ -169,10 +182,37 @@ def _digest(entry: str, rows: Iterable[np.ndarray]) -> str:
     return digest(entry.encode() + b"".join(np.ascontiguousarray(row).tobytes() for row in rows))
 
 
-def _open(path: Path) -> h5py.File:
-    file = open_hdf5(path, ArchiveError, "archive of runs")
-    name, version = file.attrs.get("format"), file.attrs.get("format_version")
-    if (name, version) != (FORMAT, VERSION):
-        file.close()
-        raise ArchiveError(f"{path}: format {name!r}, version {version}; this reader knows {FORMAT!r}, {VERSION}")
-    return file
+def _entry(path: Path, run_id: str, data: h5py.Dataset) -> dict[str, Any]:
+    """The JSON of one run; raises ArchiveError if it is not what `_write` writes."""
+    entry = json.loads(data.attrs[_ENTRY])
+    parts: dict[str, Any] = {"facts": dict, "states": (dict, type(None)), "symbols": list, "grains": str}
+    for name, kind in parts.items():
+        if not isinstance(entry, dict) or not isinstance(entry.get(name), kind):
+            raise ArchiveError(f"{path}: run {run_id}: its JSON has no proper {name!r}")
+    facts = entry["facts"]
+    if missing := sorted(_NEEDED - facts.keys()):
+        raise ArchiveError(f"{path}: run {run_id}: its JSON has no {missing[0]!r}")
+    for name, nothing in {"reason": "", **NOTHING}.items():
+        value = facts.get(name, nothing)
+        if isinstance(value, str) is not isinstance(nothing, str) or not isinstance(value, (str, int, float)):
+            raise ArchiveError(f"{path}: run {run_id}: {name} = {value!r} is not of the kind of {nothing!r}")
+    for name in ("states", "errors") if entry["states"] else ():
+        tables = entry["states"].get(name)
+        if not isinstance(tables, dict) or not all(isinstance(table, dict) for table in tables.values()):
+            raise ArchiveError(f"{path}: run {run_id}: its {name!r} are no tables")
+        for state, table in tables.items():
+            if bad := [symbol for symbol, value in table.items() if not isinstance(value, (int, float))]:
+                raise ArchiveError(f"{path}: run {run_id}: {bad[0]} of {state!r} is no number")
+    return entry
+
+
+@contextmanager
+def _open(path: Path) -> Iterator[h5py.File]:
+    with open_hdf5(path, ArchiveError, "archive of runs") as file:
+        name, version = (one_line(repr(_plain(file.attrs).get(key))) for key in ("format", "format_version"))
+        if (name, version) != (repr(FORMAT), repr(VERSION)):
+            raise ArchiveError(f"{path}: format {name}, version {version}; this reader knows {FORMAT!r}, {VERSION}")
+        for group in ("runs", "grains"):
+            if not isinstance(file.get(group), h5py.Group):
+                raise ArchiveError(f"{path}: group /{group} is missing")
+        yield file

@@ -14,7 +14,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from ..errors_and_files import RunFileError, open_hdf5
+from ..errors_and_files import RunFileError, one_line, open_hdf5
 from ..micromechanics.snapshot import Snapshot, SnapshotError, check_snapshot
 from ..quantities import RECORD
 
@@ -76,24 +76,27 @@ def read_run(path: str | Path) -> Run:
     path = Path(path)
     with open_hdf5(path, RunFileError, "run file") as file:
         attrs = _plain(file.attrs)
-        if attrs.get("format") != FORMAT:
-            raise RunFileError(f"{path}: not a run product (format = {attrs.get('format')!r}, not {FORMAT!r})")
-        if attrs.get("format_version") != VERSION:
-            raise RunFileError(f"{path}: format_version = {attrs.get('format_version')}, this reader knows {VERSION}")
-        if attrs.get("stage") not in STAGES:
-            raise RunFileError(f"{path}: stage = {attrs.get('stage')!r} is none of {', '.join(STAGES)}")
+        name, version, stage = (one_line(repr(attrs.get(key))) for key in ("format", "format_version", "stage"))
+        if name != repr(FORMAT):
+            raise RunFileError(f"{path}: not a run product (format = {name}, not {FORMAT!r})")
+        if version != repr(VERSION):
+            raise RunFileError(f"{path}: format_version = {version}, this reader knows {VERSION}")
+        if stage not in map(repr, STAGES):
+            raise RunFileError(f"{path}: stage = {stage} is none of {', '.join(STAGES)}")
         if not attrs.get("complete", False):
             raise RunFileError(f"{path}: run {attrs.get('run_id')} is not complete")
+        if not isinstance(attrs.get("run_id", ""), str):
+            raise RunFileError(f"{path}: run_id = {one_line(repr(attrs['run_id']))} is no text")
         needed = {"shear": ("record", "snapshots"), "probe": ("probe", "snapshots"), "consolidate": ("snapshots",)}
         for group in ("parameters", "timing", "proofs", *needed[attrs["stage"]]):
-            if group not in file:
+            if not isinstance(file.get(group), h5py.Group):
                 raise RunFileError(f"{path}: group /{group} is missing")
         probe = None
         if "probe" in file:
             probe = {**_plain(file["probe"].attrs), **{k: v[()] for k, v in file["probe"].items()}}
         return Run(
             path=path,
-            run_id=str(attrs.get("run_id", path.stem)),
+            run_id=one_line(attrs.get("run_id", path.stem)),
             stage=attrs["stage"],
             parameters=_plain(file["parameters"].attrs),
             timing=_plain(file["timing"].attrs),
@@ -150,10 +153,7 @@ def read_snapshot(source: str | Path | Run, k: int | str = -1, check: bool = Tru
         missing = [name for name in _ARRAYS if name not in group]
         if missing:
             raise SnapshotError(f"{where}: dataset {missing[0]} is missing")
-        try:
-            arrays = {name: group[name][()] for name in _ARRAYS}
-        except OSError as error:
-            raise RunFileError(f"{where}: truncated ({error})") from error
+        arrays = {name: _numbers(where, group, name) for name in _ARRAYS}
         attrs = _plain(group.attrs)
     snapshot = Snapshot(**arrays, eps_a=float(attrs.get("eps_a", 0.0)), label=str(attrs.get("label", "")), where=where)
     return check_snapshot(snapshot) if check else snapshot
@@ -170,11 +170,8 @@ class _Record(Mapping[str, np.ndarray]):
         if symbol not in self._read:
             if symbol not in self._shapes:
                 raise RunFileError(f"{self._path}: /record has no {symbol}")
-            try:
-                with open_hdf5(self._path, RunFileError, "run file") as file:
-                    values = file["record"][symbol][()]
-            except OSError as error:
-                raise RunFileError(f"{self._path}: /record/{symbol} cannot be read ({error})") from error
+            with open_hdf5(self._path, RunFileError, "run file") as file:
+                values = _numbers(f"{self._path}: /record", file["record"], symbol)
             if values.dtype.kind == "f" and (row := _first_bad(values, may_end=symbol in ENDING)) is not None:
                 raise RunFileError(f"{self._path}: /record/{symbol}[{row}] is not finite")
             self._read[symbol] = values
@@ -218,6 +215,17 @@ def _record_shapes(path: Path, file: h5py.File) -> dict[str, tuple[int, ...]]:
 def _snapshot_list(file: h5py.File) -> tuple[tuple[str, float, str], ...]:
     groups = file["snapshots"].items() if "snapshots" in file else ()
     return tuple((k, float(g.attrs.get("eps_a", 0.0)), str(_text(g.attrs.get("label", "")))) for k, g in groups)
+
+
+def _numbers(where: str, group: h5py.Group, name: str) -> np.ndarray:
+    """Values of a dataset; raises RunFileError if they cannot be read or are no numbers."""
+    try:
+        values = np.asarray(group[name][()])
+    except OSError as error:
+        raise RunFileError(f"{where}/{name} cannot be read: truncated or damaged ({one_line(error)})") from error
+    if values.dtype.kind not in "fiu":
+        raise RunFileError(f"{where}/{name} holds no numbers but {values.dtype}")
+    return values
 
 
 def _text(value: Any) -> Any:

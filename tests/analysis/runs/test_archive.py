@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import synthetic_results as synthetic
 from campaign_cases import finish, make_small, needs_batch
+from hdf5_files import changed_on_purpose
 
 from analysis.results.build import build_results
 from analysis.runs.archive import Archive, ArchiveError, run_summary, write_archive
@@ -64,7 +65,7 @@ def test_archived_runs_are_done_with_what_they_cost(small):
 
 
 def test_what_a_missing_run_starts_from_is_missing_too(small):
-    with h5py.File(small.folder / "runs.h5", "a") as file:
+    with changed_on_purpose(small.folder / "runs.h5") as file:
         del file["runs"][small.rows[-1].run_id]
     drop(small, "consolidate", "probe", "shear")
     by_id = {row.run_id: row for row in small.rows}
@@ -75,7 +76,7 @@ def test_what_a_missing_run_starts_from_is_missing_too(small):
 
 @needs_batch
 def test_a_campaign_goes_on_from_its_archive_alone(small):
-    with h5py.File(small.folder / "runs.h5", "a") as file:
+    with changed_on_purpose(small.folder / "runs.h5") as file:
         del file["runs"][small.rows[-1].run_id]
     shutil.rmtree(small.folder / "products")
     done = small.command("run")
@@ -91,7 +92,7 @@ def test_archiving_again_keeps_runs_whose_products_are_gone(small):
 
 
 def test_spared_runs_do_not_call_for_their_starts(small):
-    with h5py.File(small.folder / "runs.h5", "a") as file:
+    with changed_on_purpose(small.folder / "runs.h5") as file:
         del file["runs"][small.rows[-1].run_id]
     drop(small, "consolidate", "probe", "shear")
     spared = frozenset({small.rows[-1].run_id})
@@ -100,7 +101,7 @@ def test_spared_runs_do_not_call_for_their_starts(small):
 
 
 def test_a_start_that_fails_when_made_again_is_failed(small):
-    with h5py.File(small.folder / "runs.h5", "a") as file:
+    with changed_on_purpose(small.folder / "runs.h5") as file:
         del file["runs"][small.rows[-1].run_id]
     drop(small, "consolidate", "probe", "shear")
     start = small.rows[-1].start
@@ -112,7 +113,7 @@ def test_a_start_that_fails_when_made_again_is_failed(small):
 
 
 def test_archived_runs_of_another_plan_are_stale_and_changed_ones_are_refused(small):
-    with h5py.File(small.folder / "runs.h5", "a") as file:
+    with changed_on_purpose(small.folder / "runs.h5") as file:
         file["runs"].move(small.rows[-1].run_id, "shear_of_another_plan")
         file["runs"][small.rows[-2].run_id].attrs["told"] += " "
     assert stale(small.folder, small.rows) == ["shear_of_another_plan"]
