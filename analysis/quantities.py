@@ -186,6 +186,10 @@ def parameter(symbol: str, name: str, value: float, error: float = math.nan) -> 
     return f"{name} = {value * factor:.5g}{spread}{unit}"
 
 
+#: Critical states are judged from this axial strain on, over at least one block (the correlation strain of the stress
+#: ratio); a test that ends earlier has no critical state.
+CRITICAL_FROM, CRITICAL_BLOCK = 0.25, 0.03
+
 #: The rate law of shear: above the interparticle friction FULL_RATE_FRICTION the inertial number is at most
 #: FULL_RATE * FULL_RATE_FRICTION / mu_s, because a higher rate changes Z there.  yade_scripts/rve.py has the same
 #: numbers; a test compares them.

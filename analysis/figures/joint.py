@@ -20,6 +20,9 @@ def joint_figure(results: Results, symbols: Sequence[str], state: str = "critica
     figure = style.new_figure(7.4, 7.0)
     for row, symbol in enumerate(symbols):
         eta, other, probability = pooled(results, state, ("eta", symbol))
+        if np.count_nonzero(probability > 0) < 2:
+            panels.withheld(figure.add_subplot(2, 1, row + 1), f"{state} state: not reached")
+            continue
         joint = joint_pdf.joint_pdf(eta, other, probability)
         flat = figure.add_subplot(2, 2, 2 * row + 1)
         factor = panels.pdf_factor(symbol)
@@ -52,7 +55,7 @@ def _reach(seen, values):
 def pooled(results: Results, state: str, symbols: Sequence[str], family: str = "coupled") -> tuple[np.ndarray, ...]:
     """Values of each symbol at a state over all densities, one after the other, and their probabilities of sum 1."""
     densities = results.family_densities(family)
-    values = [np.concatenate([results.state(state, s, mu_iso, family) for mu_iso in densities]) for s in symbols]
+    values = [np.concatenate([results.shown_state(state, s, mu_iso, family) for mu_iso in densities]) for s in symbols]
     probability = np.concatenate([results.probability(mu_iso, family) for mu_iso in densities])
     return (*values, weighted.normalised(probability, np.all(np.isfinite(values), axis=0)))
 
@@ -61,7 +64,8 @@ def _points(axis, results, state, symbol, legend):
     densities = results.family_densities()
     markers = style.density_markers(densities)
     for mu_iso, look in style.density_style(densities).items():
-        axis.scatter(results.state(state, "eta", mu_iso), style.shown(symbol, results.state(state, symbol, mu_iso)),
+        x, y = (style.shown(s, results.shown_state(state, s, mu_iso)) for s in ("eta", symbol))
+        axis.scatter(x, y,
                      s=8 + 150 * results.probability(mu_iso), marker=markers[mu_iso], facecolor="white",
                      edgecolor=look["color"], linewidth=0.8, label=look["label"], zorder=3)  # fmt: skip
     if legend:

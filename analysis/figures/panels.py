@@ -102,7 +102,7 @@ def colour_bar(figure: Figure | SubFigure, filled: QuadContourSet, axes: Axes | 
 
 def state_pdf(results: Results, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> PDF | None:
     """PDF of a quantity at a state over the points, or None if fewer than two points have a value."""
-    values = results.state(state, symbol, mu_iso, family)
+    values = results.shown_state(state, symbol, mu_iso, family)
     known = np.isfinite(values)
     probability = results.probability(mu_iso, family)
     if np.count_nonzero(probability[known]) < 2:
@@ -126,10 +126,13 @@ def state_pdfs(
         if pdf.low is not None and pdf.high is not None:
             axis.fill_between(pdf.x * factor, pdf.low[0] / factor, pdf.high[0] / factor,
                               color=look["color"], alpha=0.2, lw=0)  # fmt: skip
-        values = style.shown(symbol, results.state(state, symbol, mu_iso, family))
+        values = style.shown(symbol, results.shown_state(state, symbol, mu_iso, family))
         below = ScaledTranslation(0, -(3.5 + 4 * row) / 72, axis.figure.dpi_scale_trans)
         axis.plot(values, np.zeros(len(values)), "|", transform=axis.get_xaxis_transform() + below,
                   color=look["color"], ms=4, mew=0.7, clip_on=False)  # fmt: skip
+    if not axis.lines:
+        withheld(axis, f"{state} state: not reached")
+        return
     axis.set_ylim(bottom=0)
     axis.tick_params(axis="x", pad=4 * len(densities) + 4, length=0)
     axis.set_xlabel(style.label(symbol))
@@ -193,6 +196,12 @@ def draw_surface(
         side.set_major_locator(MaxNLocator(5))
     axis.set_title(title, y=0.98, loc="left")
     axis.set_box_aspect((1.25, 1, 0.7), zoom=0.88)
+
+
+def withheld(axis: Axes, text: str) -> None:
+    """An empty panel that states why nothing is shown."""
+    axis.set_axis_off()
+    axis.text(0.5, 0.5, text, transform=axis.transAxes, ha="center", va="center", color="0.35")
 
 
 def panel_title(axis: Axes, letter: str, title: str = "") -> None:

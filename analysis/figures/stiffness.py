@@ -24,7 +24,8 @@ def stiffness_dilatancy(results: Results) -> Figure:
         panels.state_pdfs(left, results, state, symbol, legend=True)
         panels.panel_title(left, letters[0])
         for mu_iso, look in style.density_style(densities).items():
-            right.plot(style.shown(driver, points[driver]), style.shown(symbol, results.state(state, symbol, mu_iso)),
+            values = style.shown(symbol, results.shown_state(state, symbol, mu_iso))
+            right.plot(style.shown(driver, points[driver]), values,
                        markers[mu_iso], ms=4, color=look["color"], mfc="none", mew=0.9,
                        label=look["label"])  # fmt: skip
         right.set(xlabel=style.label(driver), ylabel=style.label(symbol))

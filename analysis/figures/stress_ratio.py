@@ -65,11 +65,11 @@ def peak_and_critical(results: Results) -> Figure:
             response = results.response(symbol, mu_iso)
             strain = style.shown("eps_a", response.strain)
             axis.plot(strain, style.shown(symbol, response.mean), **look)
-            at = style.shown("eps_peak", results.state("peak", "eps_peak", mu_iso))
-            axis.scatter(at, style.shown(symbol, results.state("peak", symbol, mu_iso)), s=16, marker="^",
+            at = style.shown("eps_peak", results.shown_state("peak", "eps_peak", mu_iso))
+            axis.scatter(at, style.shown(symbol, results.shown_state("peak", symbol, mu_iso)), s=16, marker="^",
                          color=look["color"], edgecolor="white", linewidth=0.4, zorder=3)  # fmt: skip
             place = strain[-1] * (1.04 + 0.035 * densities.index(mu_iso))
-            critical = style.shown(symbol, results.state("critical", symbol, mu_iso))
+            critical = style.shown(symbol, results.shown_state("critical", symbol, mu_iso))
             axis.scatter(np.full(len(critical), place), critical, s=16, marker="o", facecolor="none",
                          edgecolor=look["color"], linewidth=0.9, zorder=3)  # fmt: skip
         axis.set_xlabel(style.label("eps_a"))

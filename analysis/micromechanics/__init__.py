@@ -1,8 +1,8 @@
 """Metrics of one packing at one instant: stress, fabric, coordination, voids, grading, small-strain stiffness.
 
 A `Snapshot` goes in and numbers in SI units come out; `runs` reads snapshots from files.
-Rule: numpy, scipy, `quantities` and `errors` only; no file and no pandas.  What needs scipy is imported on first
-use.
+Rule: numpy, scipy, `quantities` and `errors_and_files` only; no file and no pandas.  What needs scipy is imported on
+first use.
 """
 
 from ..errors_and_files import lazy_names

@@ -2,8 +2,8 @@
 
 `evolve` gives the PDF along strain, `state_pdf` that of a single state, `joint_pdf.joint_pdf` that of two responses;
 `weighted` holds the statistics of the points themselves, `bands` their uncertainty.
-Rule: numpy, scipy, `quantities` and `errors` only; no file and no pandas.  `weighted` and `pdf` need numpy alone; what
-needs scipy is imported on first use, so that a reader of results does not load it.
+Rule: numpy, scipy, `quantities` and `errors_and_files` only; no file and no pandas.  `weighted` and `pdf` need numpy
+alone; what needs scipy is imported on first use, so that a reader of results does not load it.
 """
 
 import importlib
@@ -17,13 +17,13 @@ from .pdf import PDF
 _HOMES = {
     "JointPDF": ".joint_pdf",
     "MomentBands": ".bands",
-    "PdemError": ".evolution",
+    "PdemError": ".pdf",
     "evolve": ".evolution",
     "kernel_width": ".evolution",
     "state_pdf": ".evolution",
 }
 #: Names of the version before, for one version: old name -> module and new name.
-_DEPRECATED = {"joint_density": (".joint_pdf", "joint_pdf"), "state_density": (".evolution", "state_pdf")}
+_DEPRECATED = {"state_density": (".evolution", "state_pdf")}
 __all__ = ["PDF", "JointPDF", "MomentBands", "PdemError", "evolve", "kernel_width", "state_pdf", "weighted"]
 
 _load, __dir__ = lazy_names(__name__, _HOMES)

@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import fft
 
-from ..errors_and_files import GrainScatterError
 from . import tvd
-from .pdf import PDF
+from .pdf import PDF, PdemError
 from .weighted import moments, normalised, quantiles
 
 RULES = ("silverman", "spacing", "mesh")
@@ -26,10 +25,6 @@ _SHARP = 1.1  # cells: width of the part of a kernel that is sampled at its poin
 #: cut at six widths loses 2e-9 of its probability.
 _MARGIN = 12
 _NARROWEST = 0.6  # cells: a narrower kernel is not resolved by cell averages
-
-
-class PdemError(GrainScatterError):
-    """A response, its probabilities or a setting that PDEM cannot use."""
 
 
 def evolve(

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import evolution
-from .pdf import PDF
+from .pdf import PDF, PdemError
 from .weighted import moments, normalised
 
 #: Factor of `pair_widths`: kernels of about the distance between points that fill a plane evenly.
@@ -84,13 +84,11 @@ def joint_pdf(
     values1, values2 (Q,), probability (Q,); a point needs a finite value of both, and otherwise counts as lost.
     bandwidth1, bandwidth2 in the units of the quantities, by default `pair_widths`; keep_spread and options (max_lost)
     as in `evolution.evolve`.  Returns a JointPDF whose marginals are the PDFs of `evolution.state_pdf`.
-    Raises evolution.PdemError.
+    Raises PdemError.
     """
     one, two = np.asarray(values1, float), np.asarray(values2, float)
     if one.shape != two.shape or one.ndim != 1:
-        raise evolution.PdemError(
-            f"joint PDF: values of the shapes {one.shape} and {two.shape}, expected the same (Q,)"
-        )
+        raise PdemError(f"joint PDF: values of the shapes {one.shape} and {two.shape}, expected the same (Q,)")
     both = np.isfinite(one) & np.isfinite(two)
     one, two = np.where(both, one, np.nan), np.where(both, two, np.nan)
     if both.any() and (bandwidth1 is None or bandwidth2 is None):

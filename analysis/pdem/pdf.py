@@ -9,10 +9,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..errors_and_files import GrainScatterError
+
 if TYPE_CHECKING:
     import h5py
 
 _VECTORS = ("strain", "mean", "std", "bandwidth", "lost_probability", "numerical_width", "spacing")
+
+
+class PdemError(GrainScatterError):
+    """A response, its probabilities or a setting that PDEM cannot use, or a group of a file without a PDF."""
 
 
 @dataclass(frozen=True)
@@ -110,10 +116,10 @@ class PDF:
 
     @classmethod
     def from_hdf5(cls, group: h5py.Group) -> PDF:
-        """Read what `to_hdf5` wrote; raises ValueError if a dataset is missing."""
+        """Read what `to_hdf5` wrote; raises PdemError if a dataset is missing."""
         missing = [name for name in ("pdf", "x", *_VECTORS) if name not in group]
         if missing:
-            raise ValueError(f"{group.file.filename}{group.name}: no PDF here, {missing[0]} is missing")
+            raise PdemError(f"{group.file.filename}{group.name}: no PDF here, {missing[0]} is missing")
         rows = {name: group[name][()] for name in _VECTORS}
         low, high = (group[name][()] if name in group else None for name in ("pdf_low", "pdf_high"))
         method = str(group.attrs["method"])

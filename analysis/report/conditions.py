@@ -5,7 +5,6 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 
-import numpy as np
 import pandas as pd
 
 from ..quantities import FULL_RATE, FULL_RATE_FRICTION
@@ -18,7 +17,7 @@ Frames = Mapping[str, pd.DataFrame]
 def introduction(results: Results, frames: Frames) -> str:
     """What the campaign did, in one paragraph."""
     frictions = ", ".join(f"{mu_iso:g}" for mu_iso in results.family_densities())
-    filled = int(frames["design"]["filled"].max())
+    filled = int(frames["report_facts"].iloc[0]["filled"])
     return (
         "How the scatter of two grain properties, interparticle friction and particle shear modulus, affects the "
         f"behaviour of a granular soil: {len(results.points)} representative points of their joint distribution, "
@@ -30,20 +29,19 @@ def introduction(results: Results, frames: Frames) -> str:
     )
 
 
-def conditions(results: Results) -> list[str]:
+def test_words(results: Results, facts: pd.Series) -> list[str]:
     """The test in a sentence, and its differences from the paper's; nothing for results without settings."""
     settings = results.attrs["settings"]
     if not settings:
         return []
     grains, material = settings["assembly"], settings["material"]
     stress = settings["consolidation"]["sigma_3_kPa"]
-    end = float(results.strain[-1])
     test = (
         f"The test: spheres, {grains['distribution'].replace('_', ' ')} with d50 = {grains['d50_mm']:g} mm and a "
         f"standard deviation of ln d of {grains['sigma_ln']:g} by mass, Poisson's ratio {material['nu']:g}, "
         f"consolidated isotropically to {stress:g} kPa and sheared drained in triaxial compression at that confining "
-        f"stress. Strains are logarithmic: the last, {100 * end:.3g} %, is {100 * (1 - np.exp(-end)):.3g} % of the "
-        "height."
+        f"stress. Strains are logarithmic: the last, {facts['end_strain_pct']:.3g} %, is "
+        f"{facts['end_height_pct']:.3g} % of the height."
     )
     graded = grains["distribution"] == "lognormal" and abs(grains["sigma_ln"] - published.SIGMA_LN) < 5e-3
     scale = settings["dem"]["stiffness_scale"]
@@ -90,20 +88,12 @@ def particles(frames: Frames) -> str:
     return "–".join(f"{n:,}" for n in (sizes if len(sizes) < 3 else (sizes[0], sizes[-1])))
 
 
-#: Scatter of the stress ratio of one run of 1,000 spheres; it falls with the root of the number
-#: (between replicate packings at one point of the laptop campaign).
-SCATTER_OF_1000 = 0.03
-
-
 def size_warning(results: Results, frames: Frames) -> list[str]:
     """What the size of the campaign means for its numbers; nothing for one of about the paper's size."""
-    runs = frames["runs"]
-    sizes = runs.loc[runs["N"] > 0, "N"]
-    large = len(sizes) and sizes.max() >= 0.5 * published.PARTICLES and len(results.points) >= published.POINTS
-    if not len(sizes) or large:
+    facts = frames["report_facts"].iloc[0]
+    if not facts["rough"] or not facts["spheres_least"]:
         return []
-    smallest = int(sizes.min())
-    scatter = 100 * SCATTER_OF_1000 * np.sqrt(1000 / smallest)
+    smallest, scatter = facts["spheres_least"], facts["scatter_pct"]
     return [
         f"These numbers are rough. The paper used {published.PARTICLES:,} spheres and {published.POINTS} points; this "
         f"campaign used {particles(frames)} spheres and {len(results.points)} points. One run of {smallest:,} spheres "

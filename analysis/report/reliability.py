@@ -20,7 +20,7 @@ def sources(frames: Frames) -> str:
             f"Too few runs for a response surface: it needs at least {FEWEST_RUNS} points per density."
         )
     parts = ("only_mu_s", "only_G_p", "shared", "noise")
-    shares = shares.drop(columns="loo_error").assign(**{k: [f"{v:.2f}" for v in shares[k]] for k in parts})
+    shares = shares.drop(columns=["loo_error", "unit"]).assign(**{k: [f"{v:.2f}" for v in shares[k]] for k in parts})
     check = frames["monte_carlo"]
     check = check[check["quantity"].isin(("eta", "e", "Z", "G_0"))]
     compared = {name: [f"{page.number(a)} ({100 * difference:+.1f})"
@@ -63,15 +63,15 @@ def friction_angles(frames: Frames) -> str:
     """HTML of the friction angles with their bands."""
     frame = frames["design"]
     names = ("mean_deg", "q05_points_deg", "q05_pdf_deg")
-    shown = frame.assign(**{name: [f"{v:.1f} ({a:.1f}–{b:.1f})" for v, a, b in zip(
+    shown = frame.assign(**{name: [f"{v:.1f} ({a:.1f}–{b:.1f})" if v == v else "withheld" for v, a, b in zip(
         frame[name], frame[f"{name}_low"], frame[f"{name}_high"], strict=True)] for name in names})  # fmt: skip
     caption = "Mean and characteristic friction angles (degrees)"
-    return page.paragraph(wording.FRICTION_ANGLES) + page.table(shown[["mu_iso", "state", *names]], caption)
+    return page.paragraph(wording.FRICTION_ANGLES) + page.table(shown[["mu_iso", "state", "standing", *names]], caption)
 
 
 def noise_and_proofs(frames: Frames) -> str:
     """HTML of the proofs, the drift, the noise of packings, the bands, the PDF widths and the lost probability."""
-    parts = [page.table(frames["proofs"], "What every shear run proves", stack=True)]
+    parts = [page.table(frames["proofs"], "Checks of the shear runs", stack=True)]
     parts += map(page.paragraph, wording.proof_notes(frames))
     parts.append(page.table(
         frames["noise"].assign(quantity=page.headings(frames["noise"])).drop(columns="unit"),
@@ -79,6 +79,12 @@ def noise_and_proofs(frames: Frames) -> str:
         "scatter between packings, and the error that all points of a density may share",
         stack=True,
     ))  # fmt: skip
+    if len(frames["stress_axes"]):
+        parts.append(page.paragraph(wording.STRESS_AXES))
+        parts.append(page.table(frames["stress_axes"], "Axes of the cell and principal axes of stress, in %", digits=2))
+    if len(frames["rowe"]):
+        parts.append(page.paragraph(wording.ROWE))
+        parts.append(page.table(frames["rowe"], "Rowe's ratio at the peak: mean and range over the points", digits=3))
     parts += _bands(frames["moment_bands"])
     parts.append(page.table(
         frames["pdf_widths"].assign(quantity=page.headings(frames["pdf_widths"])).drop(columns="unit"),
@@ -133,7 +139,7 @@ def _beyond(frame: pd.DataFrame) -> Iterator[str]:
         differences[name.removesuffix(" (%)")] = frame.groupby("response", sort=False)[name].max().to_numpy()
     sides = (("case", "failed"), ("against", "failed of the other"))
     failed = sum(int(frame.drop_duplicates(side)[count].sum()) for side, count in sides)
-    caption = (f"Difference in %: of a grading from the standard one, of grains with a pair each from one pair per "
+    caption = (f"Difference in %: of a grading from the standard one, of one pair per grain from one pair per "
                f"specimen ({failed} chains failed)")  # fmt: skip
     yield page.table(differences, caption, stack=True, digits=2)
 

@@ -12,10 +12,13 @@ import pandas as pd
 from ..errors_and_files import atomic_write
 from ..figures import write_figures
 from ..quantities import QUANTITIES
-from ..results.reader import Results, read_results
-from ..tables import published
+from ..results.reader import Results, ResultsError, read_results
+from ..tables import DERIVED_TABLES, REPORT_TABLES, TABLES, published
 from ..tables.claims import CONTRADICTED, INCONCLUSIVE, SUPPORTED
 from . import conditions, friction, page, reliability, wording
+
+#: Every table; the report shows most of them.
+NEEDED = {*TABLES, *REPORT_TABLES, *DERIVED_TABLES}
 
 
 class Content(NamedTuple):
@@ -51,6 +54,8 @@ def write_report(results: str | Path | Results, frames: Mapping[str, pd.DataFram
     'report.html'
     """
     results = read_results(results)
+    if missing := sorted(NEEDED - set(frames)):
+        raise ResultsError(f"the report needs all tables; missing: {', '.join(missing)} (frames = evaluate(results))")
     folder = Path(folder)
     figures = {path.stem: path for path in write_figures(results, frames, folder / "figures")}
     name = results.attrs["campaign"] or folder.resolve().name
@@ -76,7 +81,7 @@ def sections(content: Content, name: str) -> list[tuple[str, str]]:
         ("Joint PDFs", _pictures(content, "fig14", "fig15")),
         ("The effect of friction", _pictures(content, "fig16") + friction.friction(frames)),
         ("Sources of the scatter", reliability.sources(frames)),
-        ("Uncertainty from the number of pairs", input_bands(results, frames)),
+        ("Uncertainty from the number of pairs", input_bands_html(results, frames)),
         ("Friction angles for design", reliability.friction_angles(frames)),
         ("How many runs would have been enough", reliability.replay(frames)),
         ("Other sizes and rates, and other grains", reliability.other_runs(frames)),
@@ -102,7 +107,10 @@ def _head(content: Content, name: str) -> str:
             "claims supported / contradicted / inconclusive",
         ),
     ]
-    paragraphs = [conditions.introduction(results, frames), *conditions.conditions(results)]
+    paragraphs = [
+        conditions.introduction(results, frames),
+        *conditions.test_words(results, frames["report_facts"].iloc[0]),
+    ]
     paragraphs += conditions.size_warning(results, frames)
     short = "".join(map(page.paragraph, wording.in_short(frames)))
     text = "".join(map(page.paragraph, paragraphs))
@@ -114,7 +122,8 @@ def _inputs(content: Content) -> str:
     of_marginals = ("property", "family", "parameters", "aic", "bic", "ks", "ks_critical", "ks_critical_fitted",
                     "ad", "ad_critical_fitted")  # fmt: skip
     of_copulas = ("family", "parameters", "aic", "bic", "tau", "S", "p_paper", "p_bootstrap", "accepted")
-    parts = [page.paragraph(wording.source(results)), _pictures(content, "fig02")]
+    parts = [page.paragraph(wording.source(results)), *map(page.paragraph, wording.input_warnings(results))]
+    parts.append(_pictures(content, "fig02"))
     if len(frames["marginals"]):
         caption = "Table 1. Marginal distributions, smallest AIC first"
         parts.append(page.table(_columns(frames["marginals"], of_marginals), caption, stack=True))
@@ -160,7 +169,7 @@ def _initial(frames: Mapping[str, pd.DataFrame]) -> str:
         before_shear_cov=_with_cov(frame["mean_before_shear"], frame["COV_before_shear"]),
     )
     shown = shown.sort_values(["quantity", "mu_iso"])
-    text = page.paragraph(wording.initial_states(frame, frames["packing_collapse"]))
+    text = page.paragraph(wording.initial_states(frames["report_facts"].iloc[0], frames["packing_collapse"]))
     return text + page.table(shown, "Table 3. Initial soil state: means, COV in brackets", digits=2)
 
 
@@ -170,10 +179,12 @@ def _peak_critical(frames: Mapping[str, pd.DataFrame]) -> str:
     frame = frame[frame["state"].isin(["peak", "critical"])]
     paper = [f"{a:g}–{b:g}" if np.isfinite(a) else "–"
              for a, b in zip(frame["paper_low"], frame["paper_high"], strict=True)]  # fmt: skip
-    here = [f"{a:.2f}–{b:.2f}" for a, b in zip(frame["min"], frame["max"], strict=True)]
+    here = [
+        f"{a:.2f}–{b:.2f}" if np.isfinite(a) else "withheld" for a, b in zip(frame["min"], frame["max"], strict=True)
+    ]
     frame = frame.assign(here=here, paper=paper).sort_values(["quantity", "state", "mu_iso"])
     return page.table(
-        frame[["quantity", "state", "mu_iso", "mean", "COV", "here", "paper"]],
+        frame[["quantity", "state", "mu_iso", "standing", "mean", "COV", "here", "paper"]],
         "Peak and critical state: moments and range over the points, beside the range that the paper reads off its "
         "figures",
     )
@@ -192,7 +203,7 @@ def _behaviour(content: Content) -> str:
     return _pictures(content, "fig08", "fig09", "fig10", "fig11", "fig12") + table
 
 
-def input_bands(results: Results, frames: Mapping[str, pd.DataFrame]) -> str:
+def input_bands_html(results: Results, frames: Mapping[str, pd.DataFrame]) -> str:
     """HTML on the uncertainty from the number of pairs: moments with bands, or a sentence that there are none."""
     frame = frames["input_bands"]
     if not len(frame):
@@ -202,12 +213,14 @@ def input_bands(results: Results, frames: Mapping[str, pd.DataFrame]) -> str:
         shown[f"{name}_interval"] = page.intervals(frame, name, " … ")
     shown = shown[["quantity", "state", "mu_iso", "mean_interval", "sd_interval"]].sort_values(["quantity", "state"])
     caption = "Moments over the points with bands from resampling the pairs"
-    return page.paragraph(wording.open_inputs(results)) + page.table(shown, caption, stack=True)
+    return page.paragraph(wording.open_inputs(results, frames["report_facts"].iloc[0])) + page.table(
+        shown, caption, stack=True
+    )
 
 
 def _claims(claims: pd.DataFrame) -> str:
     columns = (claims["value"], claims["low"], claims["high"], claims["criterion"])
-    values = [f"{page.number(v)} ({page.number(a)} … {page.number(b)}), wanted {limit}"
+    values = [f"{page.number(v)} ({page.number(a)} … {page.number(b)}), criterion {limit}"
               for v, a, b, limit in zip(*columns, strict=True)]  # fmt: skip
     shown = claims.assign(value_interval=values)[["claim", "verdict", "value_interval", "number"]]
     return page.paragraph(wording.CLAIMS) + page.table(shown, stack=True)

@@ -6,6 +6,7 @@ import dataclasses
 import datetime
 import json
 import platform
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import metadata
@@ -16,7 +17,7 @@ import h5py
 import numpy as np
 import pandas as pd
 
-from ..errors_and_files import atomic_write
+from ..errors_and_files import atomic_write, write_hdf5
 from ..inputs.joint import Joint
 from ..pdem import evolution
 from ..points.representative_points import RepresentativePoints
@@ -24,7 +25,8 @@ from ..points.selection import bootstrap_probabilities
 from ..quantities import QUANTITIES
 from ..runs.archive import NAME, Archive
 from .collect import Collected, FamilyDensity, ResponsesError, collect
-from .reader import FORMAT, FORMAT_VERSION
+from .reader import FORMAT, FORMAT_VERSION, JUDGED_STATES
+from .standing import DensityCurve, curves_standing
 
 SQUEEZE = {"compression": "gzip", "shuffle": True, "fletcher32": True}
 #: Packages whose versions results.h5 states.
@@ -38,7 +40,7 @@ class CampaignInfo:
     name; config: the TOML file's text; settings: every key with its default; pairs (n, 2) of mu_s and G_p (Pa) and
     their source; marginals {"mu_s": fits, "G_p": fits}, best first, and copulas, best first, as objects or as their
     dicts; joint: the joint distribution or its dict; point_attrs: how the points were made (method, seed, discrepancy);
-    versions: name -> text, beside those of the packages.
+    versions: name -> text, beside those of the packages; warnings: sentences about the pairs and their fits.
     """
 
     name: str = ""
@@ -51,6 +53,7 @@ class CampaignInfo:
     joint: Joint | Mapping[str, Any] | None = None
     point_attrs: Mapping[str, Any] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
+    warnings: Sequence[str] = ()
 
 
 def build_results(
@@ -87,7 +90,7 @@ def build_results(
                 f"of the probability, limit {max_lost_probability:g}"
             )
     target = folder / "results.h5"
-    with atomic_write(target) as part, h5py.File(part, "w") as file:
+    with atomic_write(target) as part, write_hdf5(part) as file:
         file.attrs["max_lost_probability"] = max_lost_probability
         _write_head(file, points, info, collected)
         if input_bootstrap and info.joint:
@@ -114,6 +117,8 @@ def _write_head(file: h5py.File, points: RepresentativePoints, info: CampaignInf
     inputs["pairs"] = np.asarray(info.pairs, float)
     inputs.attrs["source"] = str(info.source)
     fits = {"marginals": dict(info.marginals), "copulas": list(info.copulas), "joint": info.joint or {}}
+    if info.warnings:
+        fits["warnings"] = list(info.warnings)
     for name, value in fits.items():
         inputs.attrs[name] = json.dumps(value, default=_jsonable)
     _write_table(file.create_group("points"), points.to_frame())
@@ -127,6 +132,9 @@ def _write_head(file: h5py.File, points: RepresentativePoints, info: CampaignInf
 
 
 def _version(package: str) -> str:
+    """The version of a package: its own word where it is loaded, since Debian registers h5py under another name."""
+    if package in sys.modules:
+        return str(sys.modules[package].__version__)
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:
@@ -153,11 +161,25 @@ def _write_density(file: h5py.File, density: FamilyDensity, strain: np.ndarray, 
         response.attrs["filled"] = int(density.filled["shear"].sum())
         if len(density.packings) > 1:
             _write_array(out, f"replicates/{symbol}", density.replicates[symbol], symbol)
+    _write_standings(out, density, strain)
     tables = {"states": density.states, "errors": density.errors, "state_replicates": density.state_replicates}
     for place, states in tables.items():
         for state, table in states.items():
             for symbol, values in table.items():
                 _write_array(out, f"{place}/{state}/{symbol}", values, symbol)
+
+
+def _write_standings(out: h5py.Group, density: FamilyDensity, strain: np.ndarray) -> None:
+    """The standing of peak and critical state, as attributes of their groups."""
+    if not {"eta", "e"} <= set(density.values):
+        return
+    several = len(density.packings) > 1
+    curves = {symbol: DensityCurve(density.values[symbol], density.probability, density.extended,
+                                   density.replicates[symbol] if several else None)
+              for symbol in ("eta", "e")}  # fmt: skip
+    for state in JUDGED_STATES:
+        standing = curves_standing(state, strain, curves)
+        out.require_group(f"states/{state}").attrs.update(standing=standing.status, standing_reason=standing.reason)
 
 
 def _write_pdf(

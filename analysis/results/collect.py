@@ -133,14 +133,24 @@ def _read(row, archive):
         summary = archive[row.run_id]
         return line | {"status": "done"} | summary.facts, summary.states
     if failure_file.exists():
-        failure = json.loads(failure_file.read_text())
+        failure = _read_failure(failure_file)
         outcome: dict[str, Any] = {"status": "failed", "reason": str(failure.get("reason", "no reason given"))}
-        outcome["cpu_seconds"] = float(failure.get("cpu_seconds", np.nan))
+        spent = failure.get("cpu_seconds")
+        outcome["cpu_seconds"] = float(spent) if isinstance(spent, (int, float)) else np.nan
     elif getattr(row, "status", "") == "spared":
-        outcome = {"status": "spared", "reason": "the answer does not need it"}
+        outcome = {"status": "spared", "reason": "target error reached without it"}
     else:
         raise ResponsesError(f"run {row.run_id}: there is no product {path}")
     return line | NOTHING | outcome, None
+
+
+def _read_failure(path: Path) -> dict[str, Any]:
+    """What a failure file states; a damaged one says that it is."""
+    try:
+        failure = json.loads(path.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError):
+        failure = None
+    return failure if isinstance(failure, dict) else {"reason": "its failure file is damaged"}
 
 
 def _check(run, row):
@@ -200,7 +210,8 @@ def _density(
         for table in (averages.get(state, {}) for state in states):
             table |= {symbol: _fill(points, value[None], filled[stage])[0] for symbol, value in table.items()}
     values = {symbol: _fill(points, value, filled["shear"]) for symbol, value in values.items()}
-    alive = np.isfinite(values["eta"]).all(axis=0) if values else np.ones(len(points), bool)
+    sheared = any(row.stage == "shear" and row.run_id not in spared for row, _ in rows)
+    alive = np.isfinite(values["eta"]).all(axis=0) if values else np.full(len(points), not sheared)
     bearer = np.arange(len(points))
     if alive.any() and not alive.all():
         bearer = np.flatnonzero(alive)[_nearest(points.x, points.x[alive])]

@@ -12,9 +12,11 @@ Everything is in SI units; names and displayed units are in analysis/quantities.
 from __future__ import annotations
 
 import json
+import numbers
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -22,21 +24,34 @@ import h5py
 import numpy as np
 import pandas as pd
 
-from ..errors_and_files import GrainScatterError, open_hdf5
+from ..errors_and_files import GrainScatterError, one_line, open_hdf5
 from ..pdem import weighted
 from ..pdem.pdf import PDF
 from ..points.representative_points import RepresentativePoints
 from ..quantities import CONSOLIDATED, QUANTITIES, STAGE_STATES, Quantity
+from .standing import PROVEN, Standing, curves_standing
 
 FORMAT, FORMAT_VERSION = "campaign-results", 3
 STATES = ("initial", "peak", "critical", "probe")
+#: States that a test may not reach.
+JUDGED_STATES = ("peak", "critical")
+PROVEN_STATE = Standing(PROVEN, "")
 #: Columns of the table of runs whose name in the file means another quantity in a product: there `drift_eta` is the
 #: slope over the last 10 % of strain, here the fitted relative change over the critical part.
 RENAMED_RUN_COLUMNS = {"drift_eta": "critical_drift_eta", "drift_e": "critical_drift_e"}
 
 
+#: Columns without which a table of the file is of no use.
+POINT_COLUMNS = ("mu_s", "G_p", "probability", "id")
+RUN_COLUMNS = ("run_id", "stage", "family", "mu_iso", "point", "packing", "status", "reason")
+
+
 class ResultsError(GrainScatterError):
     """A results file that cannot be used, or a name that is not in it; one line names it and the reason."""
+
+
+class NotReachedError(ResultsError):
+    """Values of a state that the tests did not reach; the line gives the reason and how to see them all the same."""
 
 
 @dataclass(frozen=True)
@@ -97,6 +112,7 @@ class Results:
     inputs: dict[str, Any]
     diameters: np.ndarray
     grading: dict[str, Any]
+    _standings: dict[tuple[str, str, str], Standing] = field(default_factory=dict, repr=False, compare=False)
 
     def family_densities(self, family: str = "coupled") -> tuple[float, ...]:
         """The densities of a family as consolidation frictions mu_iso, ascending: the densest first."""
@@ -118,6 +134,11 @@ class Results:
         """Former name of `probability`; will be removed in the next version."""
         warnings.warn("Results.weights is now Results.probability", DeprecationWarning, stacklevel=2)
         return self.probability(mu_iso, family)
+
+    def bootstrap_weights(self, mu_iso: float, family: str = "coupled") -> np.ndarray | None:
+        """Former name of `bootstrap_probability`; will be removed in the next version."""
+        warnings.warn("Results.bootstrap_weights is now bootstrap_probability", DeprecationWarning, stacklevel=2)
+        return self.bootstrap_probability(mu_iso, family)
 
     def bootstrap_probability(self, mu_iso: float, family: str = "coupled") -> np.ndarray | None:
         """Probabilities (B, Q) of the points at a density under inputs refitted to B resamples of the pairs, or None.
@@ -144,8 +165,8 @@ class Results:
             return self._group(file, mu_iso, family, "filled", stage)[()]
 
     def measured(self, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> np.ndarray:
-        """Values (Q,) of a quantity at a state from runs only, in SI units; NaN where a run is missing or filled."""
-        values = self.state(state, symbol, mu_iso, family)
+        """Values (Q,) of a quantity at a state from runs only, in SI units; NaN where missing, filled or withheld."""
+        values = self.state(state, symbol, mu_iso, family, withheld="nan")
         return np.where(self.filled(mu_iso, family, state), np.nan, values)
 
     def counts(self, mu_iso: float, family: str = "coupled") -> dict[str, Any]:
@@ -174,13 +195,51 @@ class Results:
         with self._open() as file:
             return tuple(self._group(file, mu_iso, family, "responses"))
 
-    def state(self, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> np.ndarray:
+    def state(
+        self, state: str, symbol: str, mu_iso: float, family: str = "coupled", withheld: str = "raise"
+    ) -> np.ndarray:
         """Values (Q,) of a quantity at a state ("initial", "peak", "critical", "probe"), in SI units.
 
-        NaN where a run is missing.  Raises ResultsError for an unknown state, quantity, density or family.
+        NaN where a run is missing.  Values of a state that the tests did not reach (`standing`) are withheld:
+        `withheld` is "raise" for a NotReachedError, "nan" for NaN, "show" for the values all the same.  Raises
+        ResultsError for an unknown state, quantity, density or family.
         """
         with self._open() as file:
-            return self._group(file, mu_iso, family, "states", state, symbol)[()]
+            values = self._group(file, mu_iso, family, "states", state, symbol)[()]
+        standing = PROVEN_STATE if withheld == "show" else self.standing(state, mu_iso, family)
+        if standing.shown:
+            return values
+        if withheld == "raise":
+            raise NotReachedError(
+                f"{self.path}: {symbol} at the {state} state of {family}, mu_iso = {mu_iso:g}: {standing.status}, "
+                f'{standing.reason}; withheld="show" gives the values all the same'
+            )
+        return np.full(len(values), np.nan)
+
+    def shown_state(self, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> np.ndarray:
+        """Values (Q,) of a quantity at a state as tables and figures show them: NaN where missing or withheld."""
+        return self.state(state, symbol, mu_iso, family, withheld="nan")
+
+    def standing(self, state: str, mu_iso: float, family: str = "coupled") -> Standing:
+        """Standing of a state at a density: proven, not proven at this size, or not reached, with the reason.
+
+        As stored in the file; for files of earlier versions it is computed from the curves.  The initial state and the
+        probe need no strain and count as proven.
+        """
+        if state not in STATES:
+            raise ResultsError(f"{self.path}: there is no state {state!r}, only {', '.join(STATES)}")
+        if state not in JUDGED_STATES:
+            return PROVEN_STATE
+        key = (state, f"{mu_iso:g}", family)
+        if key not in self._standings:
+            with self._open() as file:
+                attrs = _plain(self._group(file, mu_iso, family, "states", state).attrs)
+            if "standing" in attrs:
+                self._standings[key] = Standing(str(attrs["standing"]), str(attrs["standing_reason"]))
+            else:
+                curves = {symbol: self.response(symbol, mu_iso, family) for symbol in ("eta", "e")}
+                self._standings[key] = curves_standing(state, self.strain, curves)
+        return self._standings[key]
 
     def consolidated(self, symbol: str, mu_iso: float, family: str = "coupled") -> tuple[np.ndarray, np.ndarray]:
         """Values (R,) of e, e_m, Z or Z_m after the R consolidations of a density, and probabilities (R,) of sum 1.
@@ -217,7 +276,7 @@ class Results:
         with self._open() as file:
             return tuple(self._group(file, mu_iso, family).get(f"states/{state}", ()))
 
-    def _open(self) -> h5py.File:
+    def _open(self) -> AbstractContextManager[h5py.File]:
         return open_hdf5(self.path, ResultsError, "results file")
 
     def _densities(self, file: h5py.File, family: str) -> tuple[float, ...]:
@@ -228,9 +287,10 @@ class Results:
     def _group(self, file: h5py.File, mu_iso: float, family: str, *names: str) -> Any:
         """The group of a family at a density, or what is below it; the error names what there is instead."""
         densities = [f"{m:g}" for m in self._densities(file, family)]
-        if f"{mu_iso:g}" not in densities:
-            raise ResultsError(f"{self.path}: {family} has no density mu_iso = {mu_iso:g}, only {', '.join(densities)}")
-        group = file[f"families/{family}/{mu_iso:g}"]
+        density = f"{mu_iso:g}" if isinstance(mu_iso, numbers.Real) else repr(mu_iso)
+        if density not in densities:
+            raise ResultsError(f"{self.path}: {family} has no density mu_iso = {density}, only {', '.join(densities)}")
+        group = file[f"families/{family}/{density}"]
         for name in names:
             if name not in group:
                 raise ResultsError(f"{self.path}: there is no {name!r} in {group.name}, only {', '.join(group)}")
@@ -278,22 +338,19 @@ def read_results(path: str | Path | Results) -> Results:
         return path
     path = Path(path)
     with open_hdf5(path, ResultsError, "results file") as file:
-        try:
-            return _read(path, file)
-        except (OSError, KeyError) as error:
-            raise ResultsError(f"{path}: not a readable results file ({str(error).splitlines()[0]})") from error
+        return _read(path, file)
 
 
 def _read(path: Path, file: h5py.File) -> Results:
     attrs = _plain(file.attrs)
-    if attrs.get("format") != FORMAT or attrs.get("format_version") != FORMAT_VERSION:
-        raise ResultsError(
-            f"{path}: format {attrs.get('format')!r} version {attrs.get('format_version')!r}, "
-            f"want {FORMAT!r} version {FORMAT_VERSION}"
-        )
+    name, version = (one_line(repr(attrs.get(key))) for key in ("format", "format_version"))
+    if (name, version) != (repr(FORMAT), repr(FORMAT_VERSION)):
+        raise ResultsError(f"{path}: format {name} version {version}, want {FORMAT!r} version {FORMAT_VERSION}")
     for name in ("versions", "settings"):
-        attrs[name] = json.loads(attrs.get(name, "{}"))
-    inputs = {k: json.loads(v) if k != "source" else v for k, v in _plain(file["inputs"].attrs).items()}
+        attrs[name] = _json(path, name, attrs.get(name, "{}"), dict)
+    kinds = {"marginals": dict, "copulas": list, "joint": dict, "warnings": list}
+    inputs = _plain(file["inputs"].attrs)
+    inputs |= {name: _json(path, name, text, kinds.get(name)) for name, text in inputs.items() if name != "source"}
     return Results(
         path=path,
         attrs=attrs,
@@ -301,7 +358,7 @@ def _read(path: Path, file: h5py.File) -> Results:
         densities=tuple(file["densities"][()].tolist()),
         families=tuple(file["families"]),
         points=_points(file["points"]),
-        runs=_frame(file["runs"]).rename(columns=RENAMED_RUN_COLUMNS),
+        runs=_frame(file["runs"], RUN_COLUMNS).rename(columns=RENAMED_RUN_COLUMNS),
         pairs=file["inputs/pairs"][()],
         inputs=inputs | {"points": _plain(file["points"].attrs)},
         diameters=file["grading/diameter"][()],
@@ -310,16 +367,38 @@ def _read(path: Path, file: h5py.File) -> Results:
 
 
 def _points(group: h5py.Group) -> RepresentativePoints:
-    x = np.column_stack([group["mu_s"][()], group["G_p"][()]])
-    return RepresentativePoints(x, group["probability"][()], id=group["id"][()])
+    columns = _frame(group, POINT_COLUMNS)
+    x = columns[["mu_s", "G_p"]].to_numpy(float)
+    return RepresentativePoints(x, columns["probability"].to_numpy(), id=columns["id"].to_numpy())
 
 
-def _frame(group: h5py.Group) -> pd.DataFrame:
+def _frame(group: h5py.Group, needed: tuple[str, ...]) -> pd.DataFrame:
+    """The datasets (n,) of a group as columns.  Raises ResultsError if one is missing or of another length."""
     columns = {name: dataset[()] for name, dataset in group.items()}
     order = group.attrs.get("columns")
     names = list(columns) if order is None else [str(name) for name in order]
+    if missing := [name for name in (*needed, *names) if name not in columns]:
+        raise ResultsError(f"{group.file.filename}: the table {group.name} has no column {missing[0]!r}")
+    shapes = {name: np.shape(columns[name]) for name in names}
+    for name, shape in shapes.items():
+        if len(shape) != 1 or shape != shapes[names[0]]:
+            raise ResultsError(
+                f"{group.file.filename}: the table {group.name} is ragged: {name} has shape {shape}, "
+                f"{names[0]} {shapes[names[0]]}"
+            )
     text = {n: [v.decode() for v in columns[n]] if columns[n].dtype.kind in "OS" else columns[n] for n in names}
     return pd.DataFrame(text)
+
+
+def _json(path: Path, name: str, text: Any, kind: type | None) -> Any:
+    """What a JSON text says.  Raises ResultsError if it is none, or not of the kind that it should be."""
+    try:
+        value = json.loads(text)
+    except (ValueError, TypeError, RecursionError) as failure:
+        raise ResultsError(f"{path}: {name} is not JSON ({one_line(failure)})") from failure
+    if kind is not None and not isinstance(value, kind):
+        raise ResultsError(f"{path}: {name} is a JSON {type(value).__name__}, want {kind.__name__}")
+    return value
 
 
 def _plain(attrs: Mapping[str, Any]) -> dict[str, Any]:

@@ -3,6 +3,6 @@
 Rule: anything of `analysis` except figures and report; no HTML, no matplotlib.
 """
 
-from .registry import REPORT_TABLES, TABLES, evaluate, write_tables
+from .registry import DERIVED_TABLES, REPORT_TABLES, TABLES, evaluate, write_tables
 
-__all__ = ["REPORT_TABLES", "TABLES", "evaluate", "write_tables"]
+__all__ = ["DERIVED_TABLES", "REPORT_TABLES", "TABLES", "evaluate", "write_tables"]

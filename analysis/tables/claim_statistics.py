@@ -5,7 +5,8 @@ Each statistic takes {family: Sample} and returns one number, NaN where the camp
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
+import math
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -50,7 +51,7 @@ class PointSet:
     def values(self, state: str, symbol: str) -> np.ndarray:
         """Values (D, Q) of a quantity at a state."""
         return self._once(
-            ("values", state, symbol), lambda: self._stack(lambda *at: self.results.state(state, symbol, *at))
+            ("values", state, symbol), lambda: self._stack(lambda *at: self.results.shown_state(state, symbol, *at))
         )
 
     def drawn_values(self, state: str, symbol: str) -> np.ndarray:
@@ -203,6 +204,17 @@ def drawn_sample(sample: Sample, rng: np.random.Generator) -> Sample:
     return Sample(sample.points, Resample(index, shift, surface, noise_seed))
 
 
+def _largest(values: Iterable[float]) -> float:
+    """The largest value; NaN if one is not known or there is none (Python's `max` depends on the order then)."""
+    listed = list(values)
+    return float(np.max(listed)) if listed else np.nan
+
+
+def _least(values: Iterable[float]) -> float:
+    """The least value; NaN if one is not known or there is none."""
+    return -_largest(-value for value in values)
+
+
 def _distance(sample: Sample, state: str, symbol: str, a: int, b: int) -> float:
     """Wasserstein distance of two densities over the mean standard deviation of all their points."""
     values, probability = sample.state(state, symbol)[[a, b]], sample.probability[[a, b]]
@@ -214,7 +226,7 @@ def largest_distance(samples: Samples, states: Sequence[str], symbol: str) -> fl
     """Largest Wasserstein distance of two densities, at any of the states, over the mean of their two spreads."""
     sample, count = samples["coupled"], len(samples["coupled"].densities)
     pairs = [(a, b) for a in range(count) for b in range(a)]
-    return max(_distance(sample, state, symbol, a, b) for state in states for a, b in pairs) if pairs else np.nan
+    return _largest(_distance(sample, state, symbol, a, b) for state in states for a, b in pairs)
 
 
 def packing_noise_is_known(samples: Samples, states: Sequence[str], symbol: str) -> bool:
@@ -249,8 +261,8 @@ def effect_of_G_p(samples: Samples, alone: bool) -> float:
     """
     both, sample = samples["coupled"], samples["G_p" if alone else "coupled"]
     effects = [slope * spread for slope, spread in _slopes_on_G_p(sample, sample.values("critical", "eta"), alone)]
-    spread = max(weighted.std(both.values("critical", "eta"), both.probability))
-    return np.mean(effects) / spread if spread > 0 else np.nan
+    spread = _largest(weighted.std(both.values("critical", "eta"), both.probability))
+    return float(np.mean(effects)) / spread if spread > 0 else math.nan
 
 
 def _slopes_on_G_p(sample: Sample, values: np.ndarray, alone: bool) -> Iterator[tuple[float, float]]:
@@ -267,7 +279,7 @@ def _slopes_on_G_p(sample: Sample, values: np.ndarray, alone: bool) -> Iterator[
 def stiffness_exponent(samples: Samples) -> float:
     """Least exponent of G_0 in G_p over the densities: slope of ln G_0 on ln G_p beside ln mu_s (quadratic)."""
     sample = samples["coupled"]
-    return min(slope for slope, _ in _slopes_on_G_p(sample, np.log(sample.values("probe", "G_0")), alone=False))
+    return _least(slope for slope, _ in _slopes_on_G_p(sample, np.log(sample.values("probe", "G_0")), alone=False))
 
 
 def stiffness_gain(samples: Samples) -> float:
@@ -282,7 +294,7 @@ def least_correlation(samples: Samples, symbol: str, sign: int) -> float:
     """Least correlation over the densities of critical eta with a quantity (sign 1) or with its negative (sign -1)."""
     sample = samples["coupled"]
     pairs = zip(sample.values("critical", "eta"), sample.values("critical", symbol), sample.probability, strict=True)
-    return min(sign * weighted.correlation(eta, other, probability) for eta, other, probability in pairs)
+    return _least(sign * weighted.correlation(eta, other, probability) for eta, other, probability in pairs)
 
 
 def steady_strain(samples: Samples, symbol: str, tolerance: float) -> float:
@@ -303,14 +315,14 @@ def steady_strain(samples: Samples, symbol: str, tolerance: float) -> float:
         final = mean[last].mean()
         outside = np.flatnonzero((np.abs(mean / final - 1) > tolerance) & (strain <= strain[-1] - SMOOTHER))
         starts.append(strain[min(outside[-1] + 1, len(strain) - 1)] if len(outside) else strain[0])
-    return max(starts)
+    return _largest(starts)
 
 
 def grading_distance(samples: Samples) -> float:
     """Largest distance of a mean of I_G_active or I_G_stress from the paper's index, at peak and critical state."""
     sample = samples["coupled"]
     means = [weighted.mean(sample.state(state, symbol), sample.probability) for state, symbol in GRADING]
-    return max(float(np.max(np.abs(mean - published.GRADING_INDEX))) for mean in means)
+    return _largest(float(np.max(np.abs(mean - published.GRADING_INDEX))) for mean in means)
 
 
 def grading_cov(samples: Samples) -> float:
@@ -325,7 +337,7 @@ def grading_cov(samples: Samples) -> float:
         for k in range(len(sample.densities)):
             noise = sample.noise(state, symbol, k) / float(weighted.mean(values[k], probability[k])) ** 2
             covs.append(np.sqrt(max(float(weighted.cov(values[k], probability[k])) ** 2 - noise, 0.0)))
-    return max(covs)
+    return _largest(covs)
 
 
 def grading_noise_is_known(samples: Samples) -> bool:
@@ -367,7 +379,7 @@ def initial_step(samples: Samples) -> float:
     for symbol, sign in (("e", 1), ("e_m", 1), ("Z", -1), ("Z_m", -1)):
         mean = _initial(samples, symbol)
         steps.extend(sign * np.diff(mean) / mean[1:])
-    return min(steps, default=np.nan)
+    return _least(steps)
 
 
 def initial_difference(samples: Samples) -> float:
@@ -375,7 +387,7 @@ def initial_difference(samples: Samples) -> float:
     places = {mu_iso: k for k, mu_iso in enumerate(samples["coupled"].densities)}
     differences = (abs(_initial(samples, symbol)[places[mu_iso]] / mean - 1)
                    for (symbol, mu_iso), (mean, _) in published.INITIAL_STATE.items() if mu_iso in places)  # fmt: skip
-    return max(differences, default=np.nan)
+    return _largest(differences)
 
 
 def initial_cov(samples: Samples) -> float:
@@ -385,4 +397,4 @@ def initial_cov(samples: Samples) -> float:
     runs = points.results.runs
     if ((runs["stage"] == "consolidate") & (runs["point"] < 0)).any() or not all(len(values) for values, _ in sets):
         return np.nan
-    return max(float(weighted.cov(values, probability)) for values, probability in sets)
+    return _largest(float(weighted.cov(values, probability)) for values, probability in sets)

@@ -10,7 +10,7 @@ Noise mostly increases a distance, in the value and again in its resamples, so t
 plus and minus the 95 % quantile of the resamples' deviations.  The representative points are spread more evenly than a
 random sample, so the intervals are rather too wide.
 A claim is supported if the whole interval meets its criterion, contradicted if no part of it does, and inconclusive
-otherwise.  Each interval stands alone: among thirty, one or two miss their number.
+otherwise.  Each interval stands alone: of thirty 95 % intervals, one or two are expected to miss the true value.
 """
 
 from __future__ import annotations

@@ -33,8 +33,14 @@ def friction_angle_table(results: Results, n_boot: int = 200, seed: int = 1, fam
     rows = []
     for k, mu_iso in enumerate(results.family_densities(family)):
         for state in ("peak", "critical"):
-            eta, probability = results.state(state, "eta", mu_iso, family), results.probability(mu_iso, family)
+            eta, probability = results.shown_state(state, "eta", mu_iso, family), results.probability(mu_iso, family)
             known = np.isfinite(eta)
+            standing = results.standing(state, mu_iso, family)
+            if not known.any():
+                empty = dict.fromkeys((column for name in NUMBERS for column in with_interval(name)), np.nan)
+                where: dict[str, Any] = {"mu_iso": mu_iso, "state": state, "standing": standing.status}
+                rows.append(where | {"points": 0, "filled": 0} | empty)
+                continue
             eta, probability = eta[known], probability[known]
             index = rng.integers(len(eta), size=(n_boot, len(eta)))
             values = values_drawn(results, state, "eta", mu_iso, family, n_boot)[:, known]
@@ -45,7 +51,7 @@ def friction_angle_table(results: Results, n_boot: int = 200, seed: int = 1, fam
             drawn = [_numbers(friction_angle(v[i] + s), p[i])
                      for v, i, s, p in zip(values, index, shift, sets, strict=True)]  # fmt: skip
             ends = np.quantile(drawn, [0.025, 0.975], axis=0)
-            row: dict[str, Any] = {"mu_iso": mu_iso, "state": state, "points": len(eta)}
+            row: dict[str, Any] = {"mu_iso": mu_iso, "state": state, "standing": standing.status, "points": len(eta)}
             row["filled"] = int(results.filled(mu_iso, family, state)[known].sum())
             for name, value, low, high in zip(NUMBERS, _numbers(friction_angle(eta), probability), *ends, strict=True):
                 row |= dict(zip(with_interval(name), (value, low, high), strict=True))

@@ -66,7 +66,7 @@ def input_bands(results: Results) -> pd.DataFrame:
         for state, symbol in POOLED:
             if symbol not in results.state_symbols(state, mu_iso):
                 continue
-            values = QUANTITIES[symbol].shown_factor * results.state(state, symbol, mu_iso)
+            values = QUANTITIES[symbol].shown_factor * results.shown_state(state, symbol, mu_iso)
             if np.isfinite(values).any():
                 probability = weighted.normalised(results.probability(mu_iso), np.isfinite(values))
                 mean, sd = (float(m) for m in weighted.moments(values, probability))

@@ -32,7 +32,7 @@ def monte_carlo_check(results: Results, power: int = 17) -> pd.DataFrame:
     rows = []
     for mu_iso, state, symbol, surface, samples, _ in pooled_states(results, power):
         factor = QUANTITIES[symbol].shown_factor
-        values, probability = factor * results.state(state, symbol, mu_iso), results.probability(mu_iso)
+        values, probability = factor * results.shown_state(state, symbol, mu_iso), results.probability(mu_iso)
         drawn = factor * surface.predict(samples)[0]
         sd, noisy = drawn.std(), float(np.hypot(drawn.std(), factor * surface.noise[0]))
         pairs = [(weighted.mean(values, probability), drawn.mean()), (weighted.std(values, probability), sd)]

@@ -118,7 +118,7 @@ def values_drawn(
     Drawn from the predictive uncertainty of the response surface (`surrogate.Surrogate.draws`), without the scatter of
     single runs, as the filled values are.
     """
-    values = np.tile(results.state(state, symbol, mu_iso, family), (n, 1))
+    values = np.tile(results.shown_state(state, symbol, mu_iso, family), (n, 1))
     filled = results.filled(mu_iso, family, state) & np.isfinite(values[0])
     if filled.any():
         inputs = results.family_points(family).x

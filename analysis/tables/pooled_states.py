@@ -41,7 +41,7 @@ def pooled_states(results: Results, power: int) -> Iterator[PooledState]:
             if symbol not in results.state_symbols(state, mu_iso):
                 continue
             values = results.measured(state, symbol, mu_iso)
-            spread = float(weighted.std(results.state(state, symbol, mu_iso), results.probability(mu_iso)))
+            spread = float(weighted.std(results.shown_state(state, symbol, mu_iso), results.probability(mu_iso)))
             if np.isfinite(values).sum() >= FEWEST_RUNS and spread > 0:
                 yield PooledState(mu_iso, state, symbol, surrogate.fit(points.x, values), samples, spread)
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -24,6 +25,7 @@ from .moment_bands import input_bands, moment_bands
 from .monte_carlo import monte_carlo_along, monte_carlo_check
 from .other_runs import beyond, fidelity
 from .published import beside_published
+from .report_facts import report_facts
 from .run_quality import (
     archived_runs,
     critical_drift,
@@ -34,14 +36,19 @@ from .run_quality import (
     pdf_widths,
     probe_checks,
     proofs,
+    rowe,
     run_counts,
     runs,
+    standings,
+    stress_axes,
 )
 from .states import initial_state, peak_critical, responses_moments
 from .stopping_replay import stopping_replay
 from .variance_sources import variance_sources
 
 Table = Callable[[Results], pd.DataFrame]
+#: First characters of a cell that a spreadsheet takes for a formula.
+FORMULA_BEGINS = ("=", "+", "-", "@", "\t", "\r")
 
 #: Name of the CSV file without its ending -> function of the open results that returns the frame.
 TABLES: dict[str, Table] = {
@@ -68,6 +75,10 @@ REPORT_TABLES: dict[str, Table] = {
     "proofs": proofs,
     "critical_drift": critical_drift,
     "archived_runs": archived_runs,
+    "report_facts": report_facts,
+    "standings": standings,
+    "stress_axes": stress_axes,
+    "rowe": rowe,
     "probe_checks": probe_checks,
     "packing_design": packing_design,
     "packing_collapse": packing_collapse,
@@ -117,7 +128,7 @@ def evaluate(results: str | Path | Results, only: Iterable[str] | None = None) -
     """
     results = read_results(results)
     tables, derived = TABLES | REPORT_TABLES, DERIVED_TABLES
-    wanted = [*tables, *derived] if only is None else list(only)
+    wanted = [*tables, *derived] if only is None else [only] if isinstance(only, str) else list(only)
     if unknown := sorted(set(wanted) - {*tables, *derived}):
         raise ResultsError(f"there is no table {', '.join(unknown)}, only {', '.join([*tables, *derived])}")
     needed = {derived[name][0] if name in derived else name for name in wanted}
@@ -126,7 +137,7 @@ def evaluate(results: str | Path | Results, only: Iterable[str] | None = None) -
 
 
 def write_tables(frames: Mapping[str, pd.DataFrame], folder: str | Path) -> list[Path]:
-    """Write the tables as CSV files.
+    """Write the tables as CSV files; a text that a spreadsheet would take for a formula gets a leading apostrophe.
 
     Parameters
     ----------
@@ -147,6 +158,8 @@ def write_tables(frames: Mapping[str, pd.DataFrame], folder: str | Path) -> list
     >>> paths[0].read_text()
     'id,mu_s\\n0,0.25\\n'
     """
+    if not isinstance(frames, Mapping):
+        raise TypeError(f"write_tables needs the frames of evaluate(results), not a {type(frames).__name__}")
     target = Path(folder) / "tables"
     target.mkdir(parents=True, exist_ok=True)
     paths = []
@@ -154,5 +167,21 @@ def write_tables(frames: Mapping[str, pd.DataFrame], folder: str | Path) -> list
         if name in frames:
             paths.append(target / f"{name}.csv")
             with atomic_write(paths[-1]) as part:
-                frames[name].to_csv(part, index=False, float_format="%.6g")
+                _without_formulas(frames[name]).to_csv(part, index=False, float_format="%.6g")
     return paths
+
+
+def _without_formulas(frame: pd.DataFrame) -> pd.DataFrame:
+    """The frame with an apostrophe before each text that a spreadsheet would take for a formula."""
+    texts = [name for name in frame.columns if frame[name].dtype.kind not in "biufcmM"]
+    return frame.assign(**{name: frame[name].map(_no_formula) for name in texts}).rename(columns=_no_formula)
+
+
+def _no_formula(cell: Any) -> Any:
+    if not isinstance(cell, str) or not cell.startswith(FORMULA_BEGINS):
+        return cell
+    try:
+        float(cell)
+    except ValueError:
+        return f"'{cell}"
+    return cell

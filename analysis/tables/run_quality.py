@@ -10,7 +10,7 @@ import pandas as pd
 from ..pdem import weighted
 from ..quantities import QUANTITIES
 from ..results import replicates
-from ..results.reader import Results
+from ..results.reader import JUDGED_STATES, Results
 from ..runs.archive import SAME_STATES
 from ..runs.states import OFF, PUSHED
 from .columns import named
@@ -54,7 +54,7 @@ def packing_collapse(results: Results) -> pd.DataFrame:
     for mu_iso in results.family_densities():
         values, probability = results.consolidated("e", mu_iso)
         if len(values):
-            least = np.nanmin(results.state("initial", "e", mu_iso))
+            least = np.nanmin(results.shown_state("initial", "e", mu_iso))
             rows.append((mu_iso, 1 - least / (values @ probability)))
     return pd.DataFrame(rows, columns=["mu_iso", "largest_loss_of_e"])
 
@@ -107,11 +107,64 @@ def critical_drift(results: Results) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
+def standings(results: Results) -> pd.DataFrame:
+    """One row per family, density and judged state: its standing and the reason, one sentence with numbers."""
+    rows = []
+    for family in results.families:
+        for mu_iso in results.family_densities(family):
+            for state in JUDGED_STATES:
+                standing = results.standing(state, mu_iso, family)
+                rows.append((family, mu_iso, state, standing.status, standing.reason))
+    return pd.DataFrame(rows, columns=["family", "mu_iso", "state", "standing", "reason"])
+
+
 def archived_runs(results: Results) -> pd.DataFrame:
     """One row: how many runs come from an archive (runs.h5) whose states another version of the analysis measured."""
     present = results.attrs["versions"].get("analysis code", "")
     other = ~results.runs["measured_by"].isin(["", present, *SAME_STATES])
     return pd.DataFrame([{"other_version": int(other.sum())}])
+
+
+def stress_axes(results: Results) -> pd.DataFrame:
+    """Per density: how far the axes of the cell are from the principal axes of stress at the critical state, in %.
+
+    Means over the shear runs that have recorded it: the largest off-diagonal stress over sigma_1, and how much higher
+    the stress ratio of the principal stresses is, window by window and for the mean tensor.  eta itself is that of the
+    axes.  No rows for runs that were archived by an earlier version.
+    """
+    columns = {"axes_off_diagonal": "off_diagonal_pct", "axes_eta_windows": "eta_windows_pct", "axes_eta_mean":
+               "eta_mean_pct"}  # fmt: skip
+    shear = _done(results, "shear").reindex(columns=["mu_iso", "family", "N", *columns])
+    shear = shear[shear["axes_eta_mean"].notna()]
+    rows = [
+        {"mu_iso": mu_iso, "runs": len(part), "spheres": int(part["N"].min())}
+        | {name: 100 * part[column].mean() for column, name in columns.items()}
+        for mu_iso, part in shear.groupby("mu_iso")
+    ]
+    return pd.DataFrame(rows, columns=["mu_iso", "runs", "spheres", *columns.values()])
+
+
+def rowe(results: Results) -> pd.DataFrame:
+    """Rowe's ratio (sigma_1/sigma_3)_peak / ((1 + D) (sigma_1/sigma_3)_critical) per density: mean and range of points.
+
+    D = -d eps_v / d eps_a (Rowe 1962; compression positive), from D_p = -d eps_v / d eps_q of the same slopes by
+    D = D_p / (1 - D_p / 3).  sigma_1 / sigma_3 = (3 + 2 eta) / (3 - eta).  If friction alone resisted at the critical
+    state's angle, the ratio would be 1; below 1 the peak is weaker than the dilatancy says.  `dilatancy` is the mean D.
+    """
+    rows = []
+    for mu_iso in results.family_densities():
+        if not {"eta", "D_p"} <= set(results.state_symbols("peak", mu_iso)):
+            continue
+        peak, critical = (results.shown_state(state, "eta", mu_iso) for state in ("peak", "critical"))
+        D_p = results.shown_state("peak", "D_p", mu_iso)
+        D = D_p / (1.0 - D_p / 3.0)
+        ratio = (3 + 2 * peak) / (3 - peak) / ((1 + D) * (3 + 2 * critical) / (3 - critical))
+        known = np.isfinite(ratio)
+        if known.any():
+            probability = results.probability(mu_iso)
+            mean, dilatancy = (float(weighted.mean(v, probability)) for v in (ratio, D))
+            rows.append((mu_iso, int(known.sum()), dilatancy, mean, ratio[known].min(), ratio[known].max()))
+    return pd.DataFrame(rows, columns=["mu_iso", "points", "dilatancy", "ratio", "lowest", "highest"])
 
 
 def probe_checks(results: Results) -> pd.DataFrame:
@@ -157,9 +210,9 @@ def noise(results: Results, symbols: Sequence[str] = SHOWN) -> pd.DataFrame:
     rows = []
     for k, mu_iso in enumerate(results.family_densities()):
         probability = results.probability(mu_iso)
-        for symbol in symbols:
+        for symbol in (s for s in symbols if s in results.state_symbols("critical", mu_iso)):
             factor = QUANTITIES[symbol].shown_factor
-            spread = float(weighted.std(results.state("critical", symbol, mu_iso), probability))
+            spread = float(weighted.std(results.shown_state("critical", symbol, mu_iso), probability))
             error = results.state_error("critical", symbol, mu_iso)
             run_error = np.nan if error is None else float(weighted.mean(error**2, probability)) ** 0.5
             rows.append({
@@ -178,7 +231,7 @@ def pdf_widths(results: Results, symbols: Sequence[str] = SHOWN) -> pd.DataFrame
     """Kernel width of the PDFs beside the points' standard deviation and spacing, at the last strain."""
     rows = []
     for mu_iso in results.family_densities():
-        for symbol in symbols:
+        for symbol in (s for s in symbols if s in results.symbols(mu_iso)):
             response = results.response(symbol, mu_iso)
             pdf, factor = response.pdf, QUANTITIES[symbol].shown_factor
             rows.append({

@@ -28,7 +28,7 @@ def initial_state(results: Results) -> pd.DataFrame:
         point_probability = results.probability(mu_iso)
         for symbol in CONSOLIDATED:
             values, probability = results.consolidated(symbol, mu_iso)
-            before = results.state("initial", symbol, mu_iso)
+            before = results.shown_state("initial", symbol, mu_iso)
             mean = float(values @ probability) if len(values) else np.nan
             cov = np.nan
             if len(values) > 1:
@@ -67,7 +67,10 @@ def responses_moments(results: Results) -> pd.DataFrame:
 
 
 def peak_critical(results: Results) -> pd.DataFrame:
-    """Moments, range and quantiles of every quantity at every state, per family and density, in displayed units."""
+    """Moments, range and quantiles of every quantity at every state, per family and density, in displayed units.
+
+    `standing` of the state: numbers of a state that was not reached are withheld.
+    """
     rows = []
     for family in results.families:
         for mu_iso in results.family_densities(family):
@@ -82,7 +85,7 @@ def _state_row(
     results: Results, family: str, mu_iso: float, state: str, symbol: str, probability: np.ndarray
 ) -> dict[str, Any]:
     factor = QUANTITIES[symbol].shown_factor
-    values = results.state(state, symbol, mu_iso, family) * factor
+    values = results.shown_state(state, symbol, mu_iso, family) * factor
     error = results.state_error(state, symbol, mu_iso, family)
     scatter = np.nan if error is None else weighted.mean(error**2, probability) ** 0.5 * factor
     known = np.isfinite(values)
@@ -91,6 +94,7 @@ def _state_row(
         "family": family,
         "mu_iso": mu_iso,
         "state": state,
+        "standing": results.standing(state, mu_iso, family).status,
         **named(symbol),
         "points": int(known.sum()),
         "mean": float(weighted.mean(values, probability)),

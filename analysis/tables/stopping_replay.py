@@ -38,7 +38,7 @@ def stopping_replay(results: Results, targets: Sequence[str] = TARGETS) -> pd.Da
     ):
         return pd.DataFrame(columns=COLUMNS)
     probability = {m: results.probability(m) for m in densities}
-    judged = {stopping.judged_name(state, symbol, m): (results.state(state, symbol, m), probability[m])
+    judged = {stopping.judged_name(state, symbol, m): (results.shown_state(state, symbol, m), probability[m])
               for state, symbol in stopping.JUDGED for m in densities}  # fmt: skip
     samples = stopping.judged_samples(Joint.from_dict(results.inputs["joint"]))
     order = stopping.nested_order(inputs, _replicated(results, densities[0], len(points)))

@@ -7,9 +7,10 @@ import pandas as pd
 
 from ..results.reader import Results
 from ..surrogates import sensitivity
+from .columns import unit
 from .pooled_states import pooled_states
 
-COLUMNS = ["mu_iso", "state", "quantity", "only_mu_s", "only_G_p", "shared", "noise", "loo_error"]
+COLUMNS = ["mu_iso", "state", "quantity", "unit", "only_mu_s", "only_G_p", "shared", "noise", "loo_error"]
 
 
 def variance_sources(results: Results, power: int = 12) -> pd.DataFrame:
@@ -25,5 +26,5 @@ def variance_sources(results: Results, power: int = 12) -> pd.DataFrame:
         shares = sensitivity.from_surrogate(surface, samples)
         noise = min(float(surface.noise[0]) ** 2 / spread**2, 1.0)
         parts = (1 - noise) * np.array([*shares.alone[0], shares.shared[0]])
-        rows.append((mu_iso, state, symbol, *parts, noise, float(surface.loo_error[0]) / spread))
+        rows.append((mu_iso, state, symbol, unit(symbol), *parts, noise, float(surface.loo_error[0]) / spread))
     return pd.DataFrame(rows, columns=COLUMNS)

@@ -136,11 +136,14 @@ def _write_product(path, row, record, snapshots, probe=None, exit_reason="strain
                        "seed": row.packing,
                            "inertial_number": 1e-3, "damping": 0.0, "timestep_factor": 0.8, "stiffness_scale": 1.0,
                            "density_scaling": 0.0, "strain_end": 0.4, "windows": 80}  # fmt: skip
+        if exit_reason == "strain_end" and "eps_a" in record:
+            parameters["strain_end"] = record["eps_a"][-1]
         file.create_group("parameters").attrs.update(parameters)
         file.create_group("timing").attrs.update(steps=1000, cpu_seconds=2.0, wall_seconds=2.5, dt_mean=1e-7,
                                                  particle_steps_per_cpu_second=1.35e4)  # fmt: skip
         file.create_group("proofs").attrs.update(max_inertial_number=1.1e-3, servo_mean_error=1e-3, F_unb=5e-4,
-                                                 servo_max_error=8e-3, energy_error=2e-3)  # fmt: skip
+                                                 servo_max_error=8e-3, energy_error=2e-3,
+                                                 stress_error=1e-4)  # fmt: skip
         for symbol, values in record.items():
             dataset = file.create_dataset(f"record/{symbol}", data=values)
             if symbol in RECORD:

@@ -17,12 +17,12 @@ from analysis.figures import FIGURES
 from analysis.pdem import weighted
 from analysis.report import conditions, page, reliability, sections, wording
 from analysis.results.build import build_results
-from analysis.results.reader import read_results
+from analysis.results.reader import ResultsError, read_results
 from analysis.tables import evaluate, other_runs, run_quality
 from campaign.config import SECTIONS
 
 #: The tables behind `wording.run_notes`.
-NOTES = ("runs", "run_counts", "design", "archived_runs")
+NOTES = ("runs", "run_counts", "report_facts", "archived_runs")
 
 
 class Page(HTMLParser):
@@ -131,11 +131,12 @@ def test_noise_and_widths_are_told(results):
 
 def test_the_report_says_which_test_it_is_and_where_it_is_not_the_papers(results):
     asked = {name: asdict(kind()) for name, kind in SECTIONS.items()}
-    usual = conditions.conditions(replace(results, attrs=results.attrs | {"settings": asked}))
+    facts = synthetic.frames(0.02)["report_facts"].iloc[0]
+    usual = conditions.test_words(replace(results, attrs=results.attrs | {"settings": asked}), facts)
     assert len(usual) == 1 and "d50 = 0.248 mm" in usual[0] and "100 kPa" in usual[0] and "logarithmic" in usual[0]
     asked["consolidation"]["sigma_3_kPa"] = 500.0
     asked["dem"]["stiffness_scale"] = 0.01
-    other = conditions.conditions(replace(results, attrs=results.attrs | {"settings": asked}))
+    other = conditions.test_words(replace(results, attrs=results.attrs | {"settings": asked}), facts)
     assert "500 kPa instead of 100, 0.01 of the grains' stiffness" in other[1]
 
 
@@ -211,7 +212,17 @@ def test_write_report_leaves_one_file_and_the_figures(results, tmp_path, monkeyp
 
     monkeypatch.setattr(sections, "write_figures", draw)
     monkeypatch.setattr(sections, "sections", lambda content, name: [("", f"{name} {len(content.figures)}")])
-    path = sections.write_report(results, {}, tmp_path)
+    with pytest.raises(ResultsError, match="the report needs all tables; missing: archived_runs"):
+        sections.write_report(results, {}, tmp_path)
+    path = sections.write_report(results, dict.fromkeys(sections.NEEDED), tmp_path)
     assert path == tmp_path / "report.html" and {p.name for p in tmp_path.iterdir()} == {"figures", "report.html"}
     source = path.read_text(encoding="utf-8")
     assert "<title>Campaign synthetic</title>" in source and f"synthetic {len(FIGURES)}" in source
+
+
+def test_the_page_allows_nothing_from_outside(html_page):
+    source, _ = html_page
+    policy = re.search(r'<meta http-equiv="Content-Security-Policy" content="([^"]*)">', source)
+    assert policy and source.index(policy[0]) < source.index("<style>")
+    assert policy[1].split("; ")[:3] == ["default-src 'none'", "img-src data:", "style-src 'unsafe-inline'"]
+    assert not re.search(r"<script|<link|@import|url\(|\ssrc=\"(?!data:)", source)

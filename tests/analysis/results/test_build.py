@@ -134,6 +134,19 @@ def test_the_probability_of_a_failed_run_goes_to_the_nearest_point(tmp_path):
     assert drawn.shape == (4, 8) and (drawn[:, 3] == 0).all() and drawn.sum(axis=1) == pytest.approx(1)
 
 
+def test_a_density_whose_shear_runs_all_failed_loses_all_its_probability(tmp_path):
+    """It was written with a lost probability of zero, and the analysis then died on a missing group."""
+    points = synthetic.representative_points(2)
+    plan = synthetic.plan_rows(tmp_path, points, densities=(0.04, 0.1))
+    for row in plan.itertuples():
+        synthetic.write_run(row, windows=20)
+        if row.stage == "shear" and row.mu_iso == 0.1:
+            synthetic.fail_run(row)
+    with pytest.raises(ResponsesError, match="mu_iso = 0.1: failed runs lose 1.000 of the probability, limit 0.5"):
+        build_results(tmp_path, plan, points, max_lost_probability=0.5)
+    assert not (tmp_path / "results.h5").exists()
+
+
 def test_a_missing_product_is_refused_by_name(small):
     folder, plan, points = small
     gone = folder / "products" / f"{plan['run_id'].iloc[-1]}.h5"

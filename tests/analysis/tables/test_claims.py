@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import h5py
 import numpy as np
 import pytest
 import synthetic_results as synthetic
+from hdf5_files import changed_on_purpose
 
 from analysis.pdem import weighted
 from analysis.results.build import build_results
@@ -128,7 +128,7 @@ def test_only_replicates_let_densities_that_differ_refute_a_claim(tmp_path, pack
     """Three densities that differ at the critical state: one packing does not tell whether it is the packing."""
     plan, points, info = synthetic.make_campaign(tmp_path, n=5, noise=noise, packings=packings)
     path = build_results(tmp_path, plan, points, info)
-    with h5py.File(path, "r+") as file:
+    with changed_on_purpose(path) as file:
         for mu_iso, shift in zip(synthetic.DENSITIES, (-1.0, 1.2, 0.3), strict=True):
             states = file[f"families/coupled/{mu_iso:g}/states/critical"]
             states["eta"][...] = synthetic.critical_eta(points.mu_s) + 0.03 * shift

@@ -123,10 +123,10 @@ def test_figures_and_report_show_the_band(results):
     plain = Figure().subplots()
     panels.state_pdfs(plain, read_results(synthetic.example()), "critical", "eta")
     assert not plain.collections
-    text = sections.input_bands(results, evaluate(results, ["input_bands"]))
+    text = sections.input_bands_html(results, evaluate(results, ["input_bands", "report_facts"]))
     assert "With 94 pairs" in text and f"resampled {DRAWS} times" in text
     row = input_bands(results).iloc[0]
     for end in ("mean_low", "mean_high", "sd_low", "sd_high"):
         assert page.number(row[end]) in text
     plain = read_results(synthetic.example())
-    assert "there are no bands" in sections.input_bands(plain, evaluate(plain, ["input_bands"]))
+    assert "there are no bands" in sections.input_bands_html(plain, evaluate(plain, ["input_bands"]))

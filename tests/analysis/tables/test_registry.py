@@ -123,7 +123,7 @@ def test_points_are_in_gigapascal(written):
 def test_every_table_is_computed_once_and_is_what_its_function_gives(written):
     results = read_results(synthetic.example(noise=0.02))
     frames = synthetic.frames(0.02)
-    assert set(frames) == {*tables.TABLES, *tables.REPORT_TABLES, "published_shear", "density_differences"}
+    assert set(frames) == {*tables.TABLES, *tables.REPORT_TABLES, *tables.DERIVED_TABLES}
     some = ["points", "states_that_are_none"], ["points", "runs", "density_differences"]
     with pytest.raises(ResultsError, match="no table states_that_are_none"):
         tables.evaluate(results, some[0])

@@ -1,0 +1,164 @@
+"""Standing of a state: whether the test reached what is called its peak or its critical state.
+
+A single run cannot prove that its critical state is steady, because its scatter hides such a drift.  The points of a
+density together can: the drift is pooled over all of them, and its error includes what they share through their
+packing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..pdem import weighted
+from ..quantities import CRITICAL_BLOCK, CRITICAL_FROM
+
+PROVEN, NOT_PROVEN, NOT_REACHED = "proven", "not proven at this size", "not reached"
+#: Axial strain from which on critical states are judged, and the strain over which a drift is stated: from it to 40 %.
+JUDGED_FROM, DRIFT_STRAIN = CRITICAL_FROM, 0.15
+#: Largest relative drift over DRIFT_STRAIN of a steady state.
+TOLERANCE = {"eta": 0.05, "e": 0.01}
+#: Standard errors beyond which a drift is shown: with two, 10 to 19 % of synthetic campaigns in a steady state would be
+#: withheld, since eta and e are both judged; with three at most 5 % (tests/benchmarks/bench_standing.py).
+SHOWN_AT = 3.0
+#: Standard deviation of the drift that all runs of one packing share, over that of a single run's drift: root mean
+#: square over eta and e at the three densities of the laptop campaign (0.39, 0, 0.28 and 0.54, 0, 0; five packings).
+SHARED = 0.3
+
+
+@dataclass(frozen=True)
+class Standing:
+    """`status`: PROVEN, NOT_PROVEN or NOT_REACHED; `reason`: one sentence with the numbers behind it."""
+
+    status: str
+    reason: str
+
+    @property
+    def shown(self) -> bool:
+        """Whether values of the state are shown: a state that was not reached is withheld."""
+        return self.status != NOT_REACHED
+
+
+class DensityCurve(NamedTuple):
+    """A response of a density along strain: values (T, Q), probability (Q,), extended (T, Q), replicates (R, T, Q)."""
+
+    values: np.ndarray
+    probability: np.ndarray
+    extended: np.ndarray
+    replicates: np.ndarray | None
+
+
+def curves_standing(state: str, strain: np.ndarray, curves: Mapping[str, Any]) -> Standing:
+    """Standing of "peak" or "critical" from the curves of eta and e of a density along strain (T,).
+
+    curves: symbol -> a `DensityCurve`, or a `reader.Response`, which has the same fields.
+    """
+    eta = curves["eta"]
+    if state == "peak":
+        return peak_standing(strain, eta.values, eta.probability)
+    sets = {symbol: curve.replicates for symbol, curve in curves.items() if curve.replicates is not None}
+    values = {symbol: curve.values for symbol, curve in curves.items()}
+    return critical_standing(strain, values, eta.probability, eta.extended, sets)
+
+
+def critical_standing(
+    strain: np.ndarray,
+    values: Mapping[str, np.ndarray],
+    probability: np.ndarray,
+    extended: np.ndarray,
+    replicates: Mapping[str, np.ndarray] | None = None,
+) -> Standing:
+    """Standing of the critical state of a density from the curves of all its points.
+
+    strain (T,); values: eta and e (T, Q), NaN where a run is missing; probability (Q,); extended (T, Q): rows that
+    continue a run which stopped because its critical state was proven.  replicates: eta and e (R, T, Q) of several
+    packings, where there are any.  Without them the error of the pooled drift contains SHARED of a single run's.
+
+    Not reached: the test ends before strain 0.28, or a drift beyond the tolerance is shown (it exceeds SHOWN_AT
+    standard errors).  Proven: the drift and twice its error are within the tolerance.  Not proven at this size:
+    neither.
+    """
+    end = float(strain[-1])
+    least = JUDGED_FROM + CRITICAL_BLOCK
+    if end < least * (1.0 - 1e-9):
+        return Standing(
+            NOT_REACHED,
+            f"the test ends at {end:.3g} axial strain; critical states are averaged from {JUDGED_FROM:g} to an end of "
+            f"at least {least:g}",
+        )
+    part = strain > JUDGED_FROM * (1.0 + 1e-9)
+    running = ~extended[part].any(axis=0)
+    known = {symbol: running & np.isfinite(values[symbol]).all(axis=0) for symbol in TOLERANCE if symbol in values}
+    if not running.any():
+        return Standing(PROVEN, "every run stopped after it had proven its critical state by itself")
+    words, status = [], PROVEN
+    for symbol, points in known.items():
+        if points.sum() < 2 and not (replicates and symbol in replicates):
+            return Standing(NOT_PROVEN, f"one run cannot prove that {symbol} is steady")
+        sets = replicates[symbol][:, part] if replicates and symbol in replicates else None
+        drift, error = pooled_drift(strain[part], values[symbol][part][:, points], probability[points], sets)
+        limit = TOLERANCE[symbol]
+        words.append(f"{symbol} {100 * drift:+.2g} ± {200 * error:.2g} % (limit {100 * limit:g} %)")
+        if abs(drift) > max(limit, SHOWN_AT * error):
+            status = NOT_REACHED
+        elif abs(drift) + 2 * error > limit and status == PROVEN:
+            status = NOT_PROVEN
+    return Standing(
+        status,
+        f"drift over {DRIFT_STRAIN:g} of strain, pooled over the points, with 95 % half width: {', '.join(words)}",
+    )
+
+
+def pooled_drift(
+    strain: np.ndarray, values: np.ndarray, probability: np.ndarray, replicates: np.ndarray | None = None
+) -> tuple[float, float]:
+    """Relative drift over DRIFT_STRAIN of values (T, Q), pooled over the points, and its standard error.
+
+    With replicates (R, T, Q) of two packings or more: mean over the points that all of them have, its error between the
+    packings, widened by Student's t.
+    """
+    if replicates is not None:
+        by_packing = _drifts(strain, replicates)
+        complete = np.isfinite(by_packing).all(axis=0)
+        if len(by_packing) > 1 and complete.any():
+            from scipy import stats
+
+            means = by_packing[:, complete].mean(axis=1)
+            factor = stats.t.ppf(0.975, len(means) - 1) / stats.norm.ppf(0.975)
+            return float(means.mean()), float(factor * means.std(ddof=1) / np.sqrt(len(means)))
+    drifts = _drifts(strain, values)
+    share = weighted.normalised(probability)
+    count = 1.0 / np.sum(share**2)
+    spread = drifts.std(ddof=1)
+    return float(share @ drifts), float(spread * np.sqrt(1.0 / count + SHARED**2))
+
+
+def peak_standing(strain: np.ndarray, eta: np.ndarray, probability: np.ndarray) -> Standing:
+    """Standing of the peak of a density from the stress ratios eta (T, Q) of its points.
+
+    The mean curve is smoothed as a run's is.  A maximum at the last strain where a peak may lie is no peak: in a test
+    that ends before critical states are judged the peak is not reached, otherwise it is not proven.
+    """
+    from ..runs import peak_critical  # with scipy, which a reader of results needs for this only
+
+    mean = weighted.mean(eta, probability)
+    if not np.isfinite(mean).all():
+        return Standing(NOT_REACHED, "no run is left")
+    row, first, last = peak_critical.peak_row(strain, mean)
+    at = f"{strain[row]:.3g} axial strain"
+    if row in (first, last):
+        place = "first" if row == first else "last"
+        words = f"the mean stress ratio is largest at the {place} strain where a peak may lie, {at}"
+        return Standing(NOT_REACHED if strain[-1] < JUDGED_FROM else NOT_PROVEN, words)
+    return Standing(PROVEN, f"the mean stress ratio is largest at {at}")
+
+
+def _drifts(strain: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Fitted relative changes (..., Q) over DRIFT_STRAIN of values (..., T, Q)."""
+    x = strain - strain.mean()
+    slope = np.tensordot(x, np.moveaxis(values, -2, 0), axes=1) / (x @ x)
+    mean = values.mean(axis=-2)
+    return slope * DRIFT_STRAIN / np.where(mean != 0, np.abs(mean), np.nan)
