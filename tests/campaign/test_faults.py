@@ -361,9 +361,12 @@ def test_file_system_without_locks(tmp_path, table, monkeypatch, capsys):
     """No process can lock a file; each `run`, and each run, takes an exclusive file instead."""
     small = make_small(tmp_path)
     finish(small, *small.rows[-2:])
-    (tmp_path / "usercustomize.py").write_text(
-        "import fcntl, errno\ndef flock(*_): raise OSError(errno.ENOLCK, 'No locks available')\nfcntl.flock = flock\n"
-    )
+    for module in ("sitecustomize.py", "usercustomize.py"):  # runs load another sitecustomize, venvs no usercustomize
+        (tmp_path / module).write_text(
+            "import fcntl, errno\n"
+            "def flock(*_): raise OSError(errno.ENOLCK, 'No locks available')\n"
+            "fcntl.flock = flock\n"
+        )
     done = small.command("run", "--quiet", PYTHONPATH=str(tmp_path))
     assert done.returncode == 0, done.stderr
     assert "has no locks" in _note(table, "file system without locks", done, {}, {})
