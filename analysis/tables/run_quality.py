@@ -148,8 +148,8 @@ def rowe(results: Results) -> pd.DataFrame:
     """Rowe's ratio (sigma_1/sigma_3)_peak / ((1 + D) (sigma_1/sigma_3)_critical) per density: mean and range of points.
 
     D = -d eps_v / d eps_a (Rowe 1962; compression positive), from D_p = -d eps_v / d eps_q of the same slopes by
-    D = D_p / (1 - D_p / 3).  sigma_1 / sigma_3 = (3 + 2 eta) / (3 - eta).  If friction alone resisted at the critical
-    state's angle, the ratio would be 1; below 1 the peak is weaker than the dilatancy says.  `dilatancy` is the mean D.
+    D = D_p / (1 - D_p / 3).  sigma_1 / sigma_3 = (3 + 2 eta) / (3 - eta).  The ratio is 1 where critical friction and
+    dilatancy explain the peak, and below 1 where the peak is lower than they give.  `dilatancy` is the mean D.
     """
     rows = []
     for mu_iso in results.family_densities():
