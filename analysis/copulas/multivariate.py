@@ -10,9 +10,10 @@ from scipy import special, stats
 
 from .elliptical import normal_score
 from .family import CopulaError
-from .fitting import fit, pseudo_observations
+from .fitting import pseudo_observations
 
 _TINY = 1e-300
+_SMALLEST_EIGENVALUE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -74,25 +75,69 @@ class GaussianCopula:
 
 
 def fit_gaussian(x: np.ndarray) -> GaussianCopula:
-    """Fit the Gaussian copula to x (n, d) by pairwise maximum pseudo-likelihood.
+    """Fit the Gaussian copula to x (n, d) by maximum pseudo-likelihood in all correlations together.
 
-    If the matrix of the pairs is not positive definite, its eigenvalues are raised to 1e-6 and its diagonal is scaled
-    to 1.  Raises CopulaError for a constant column or non-finite values.
+    The likelihood depends on the data only through the mean products S (d, d) of their normal scores.  If S is
+    singular, as for n <= d or for columns of the same order, the likelihood has no maximum: eigenvalues of S below 1e-6
+    are raised to 1e-6.  Raises CopulaError for fewer than 5 rows, a constant column or non-finite values.
     """
     x = np.asarray(x, dtype=float)
-    u = pseudo_observations(x.T)
-    d = x.shape[1]
-    matrix = np.eye(d)
-    for i in range(d):
-        for j in range(i):
-            matrix[i, j] = matrix[j, i] = fit(u[i], u[j], "gaussian").parameters[0]
-    values, vectors = np.linalg.eigh(matrix)
-    if values[0] < 1e-6:
-        matrix = vectors @ np.diag(np.maximum(values, 1e-6)) @ vectors.T
-        scale = np.sqrt(np.diag(matrix))
-        matrix = matrix / np.outer(scale, scale)
-        np.fill_diagonal(matrix, 1.0)
-    return GaussianCopula(tuple(map(tuple, 0.5 * (matrix + matrix.T))))
+    if x.ndim != 2 or len(x) < 5 or x.shape[1] < 2:
+        raise CopulaError(f"gaussian: values of the shape {x.shape}; need at least 5 rows and 2 columns")
+    if not np.all(np.isfinite(x)):
+        raise CopulaError("gaussian: a value is not finite")
+    if np.any(np.ptp(x, axis=0) == 0.0):
+        raise CopulaError("gaussian: one column is constant, so it has no ranks and no dependence")
+    scores = _scores(pseudo_observations(x.T))
+    values, vectors = np.linalg.eigh(scores @ scores.T / len(x))
+    matrix = _most_likely((vectors * np.maximum(values, _SMALLEST_EIGENVALUE)) @ vectors.T)
+    return GaussianCopula(tuple(map(tuple, matrix)))
+
+
+def _most_likely(S: np.ndarray) -> np.ndarray:
+    """Correlation matrix R (d, d) that maximises -(ln det R + tr(R^-1 S)) / 2, S (d, d) positive definite.
+
+    Newton's method on the correlations (Fisher scoring where the second derivatives have a wrong sign); a step is
+    halved until R is positive definite and the likelihood increases.
+    """
+    i, j = np.tril_indices(len(S), -1)
+    scale = np.sqrt(np.diag(S))
+    R = S / np.outer(scale, scale)
+    np.fill_diagonal(R, 1.0)
+    value = _loglik(R, S)
+    for _ in range(100):
+        Q = np.linalg.inv(R)
+        P = Q @ S @ Q
+        slope = (P - Q)[i, j]
+        information = 0.5 * _traces(Q, Q, i, j)
+        bend = 0.5 * (_traces(Q, P, i, j) + _traces(P, Q, i, j)) - information
+        concave = np.linalg.eigvalsh(bend)[0] > 0.0
+        step = np.zeros_like(S)
+        step[i, j] = np.linalg.solve(bend if concave else information, slope)
+        step += step.T
+        gain = 0.5 * float(np.sum((P - Q) * step))
+        while gain > 1e-12 and _loglik(R + step, S) < value:
+            step, gain = 0.5 * step, 0.5 * gain
+        R = R + step
+        if gain <= 1e-12:
+            break
+        value = _loglik(R, S)
+    return R
+
+
+def _loglik(R: np.ndarray, S: np.ndarray) -> float:
+    """-(ln det R + tr(R^-1 S)) / 2, or minus infinity where R is not positive definite."""
+    try:
+        factor = np.linalg.cholesky(R)
+    except np.linalg.LinAlgError:
+        return -np.inf
+    return float(-np.log(np.diag(factor)).sum() - 0.5 * np.trace(np.linalg.solve(R, S)))
+
+
+def _traces(A: np.ndarray, B: np.ndarray, i: np.ndarray, j: np.ndarray) -> np.ndarray:
+    """tr(A E_a B E_b) of symmetric A, B for all pairs a, b of correlations (i, j); E_a is 1 at (i, j) and (j, i)."""
+    ii, ij, ji, jj = np.ix_(i, i), np.ix_(i, j), np.ix_(j, i), np.ix_(j, j)
+    return A[ij] * B[ji] + A[ii] * B[jj] + A[jj] * B[ii] + A[ji] * B[ij]
 
 
 def _scores(u: np.ndarray) -> np.ndarray:
