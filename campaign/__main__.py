@@ -40,7 +40,7 @@ def main(argv: list[str] | None = None) -> int:
     options = _parser().parse_args(argv)
     try:
         if options.command == "report" and options.config.endswith(".h5"):
-            return report_file(Path(options.config), options.folder)
+            return report_file(Path(options.config), options)
         config = _config(options)
         folder = Path(options.folder) if options.folder else ROOT / "runs" / config.name
         return COMMANDS[options.command].run(config, folder, options)
@@ -211,15 +211,26 @@ def archive(config: Config, folder: Path, options: Namespace) -> int:
 
 
 def report(config: Config, folder: Path, options: Namespace) -> int:
-    """Write the figures and report.html."""
-    print(evaluate.report(config, folder))
+    """Write the figures and report.html, and the figures for print if wanted."""
+    print(evaluate.report(config, folder, wanted=_print(options)))
     return 0
 
 
-def report_file(results: Path, folder: str | None) -> int:
+def report_file(results: Path, options: Namespace) -> int:
     """Write tables, figures and report.html of a results file, beside the file or into a folder."""
-    print(evaluate.report_of_file(results, Path(folder) if folder else results.parent))
+    folder = Path(options.folder) if options.folder else results.parent
+    print(evaluate.report_of_file(results, folder, _print(options)))
     return 0
+
+
+def _print(options: Namespace) -> evaluate.Print | None:
+    """The figures for print that the options ask for, or None. Raises ConfigError for a value that is not possible."""
+    given = {key: value for key in ("columns", "dpi") if (value := getattr(options, key)) is not None}
+    if options.figures is None:
+        if given:
+            raise ConfigError(f"--{next(iter(given))} has an effect with --figures only")
+        return None
+    return evaluate.Print(options.figures, **given)
 
 
 def everything(config: Config, folder: Path, options: Namespace) -> int:
@@ -279,7 +290,7 @@ COMMANDS = {
     "report": Command(
         report,
         "draw figures and report.html; given a results.h5 instead of CONFIG, also write the tables",
-        ("--folder",),
+        ("--folder", "--figures", "--columns", "--dpi"),
     ),
     "all": Command(everything, "plan, run, analyse and report; nothing is done twice", RUN_OPTIONS),
 }
@@ -289,6 +300,18 @@ OPTIONS: dict[str, dict] = {
     "--engine": {"choices": ("local", "slurm"), "help": "where to run (default: run.engine)"},
     "--failed": {"action": "store_true", "help": "repeat failed runs, too"},
     "--quiet": {"action": "store_true", "help": "show no progress line"},
+    "--figures": {
+        "metavar": "FORMAT",
+        "help": "also draw figures for print, into figures/print/: pdf (fonts embedded), svg (text as outlines), png",
+    },
+    "--columns": {
+        "type": int,
+        "help": "columns of a journal that a figure for print takes: 1 (88 mm) or 2 (180 mm; default)",
+    },
+    "--dpi": {
+        "type": int,
+        "help": "dots per inch of a png, and of the surfaces in a pdf or svg, from 72 to 1200 (default: 600)",
+    },
     "--json": {"action": "store_true", "help": "print JSON, for scripts"},
     "--check": {
         "action": "store_true",

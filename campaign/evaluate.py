@@ -5,12 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from campaign import batches
-from campaign.config import ROOT, SECTIONS, Config
+from campaign.config import ROOT, SECTIONS, Config, ConfigError
 from campaign.files import code_digest, read_json, write_json
 from campaign.plan import PlannedRun
 from campaign.prepare import PlanError, read_inputs, read_points
@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     Frames = dict[str, pd.DataFrame]
 
 NOTE = "tables/analysed.json"
+#: Folder of the figures for print, and what they may be: formats, columns of a journal, and dots per inch.
+PRINT_FOLDER = Path("figures") / "print"
+PRINT_FORMATS, PRINT_COLUMNS, PRINT_DPI = ("pdf", "svg", "png"), (1, 2), (72, 1200)
 ANALYSIS = ROOT / "analysis"
 #: Bootstrap samples of the pairs behind the bands. With 200, the statistical error of the 2.5 % quantile of a moment is
 #: a twentieth of the band.
@@ -105,11 +108,47 @@ def _usable(
     return statuses
 
 
-def report(config: Config, folder: Path, frames: Frames | None = None) -> str:
-    """Draw the figures and write report.html from the folder's results.h5.
+@dataclass(frozen=True)
+class Print:
+    """Figures for print: their format, the columns of a journal that they take, and the dots per inch of pixels.
 
-    frames: the tables of these results, if they have been computed already. Returns one line on what was done. Raises
-    PlanError if there is no results.h5 or it was made with other settings, and the analysis' errors.
+    Raises ConfigError for a value that is not possible.
+    """
+
+    file_format: str
+    columns: int = 2
+    dpi: int = 600
+
+    def __post_init__(self) -> None:
+        if self.file_format not in PRINT_FORMATS:
+            raise ConfigError(f"--figures = {self.file_format!r} is not one of {', '.join(PRINT_FORMATS)}")
+        if self.columns not in PRINT_COLUMNS:
+            raise ConfigError(f"--columns = {self.columns} is not 1 or 2 (columns of a journal)")
+        low, high = PRINT_DPI
+        if not low <= self.dpi <= high:
+            raise ConfigError(f"--dpi = {self.dpi} is outside [{low}, {high}]")
+
+
+def _print_figures(path: Path, folder: Path, wanted: Print | None, frames: Frames | None) -> str:
+    """Draw the figures of a results file for print into figures/print of a folder, if wanted; one more line, or ""."""
+    if wanted is None:
+        return ""
+    from analysis.figures import write_print_figures
+    from analysis.results import read_results
+    from analysis.tables import evaluate
+
+    results = read_results(path)
+    frames = evaluate(results) if frames is None else frames
+    target = folder / PRINT_FOLDER
+    paths = write_print_figures(results, frames, target, wanted.file_format, wanted.columns, wanted.dpi)
+    return f"\n{target}: {len(paths)} figures for print ({wanted.file_format}, columns: {wanted.columns})"
+
+
+def report(config: Config, folder: Path, frames: Frames | None = None, wanted: Print | None = None) -> str:
+    """Draw the figures and write report.html from the folder's results.h5; draw the figures for print, if wanted.
+
+    frames: the tables of these results, if they have been computed already. Returns a line on each thing that was done.
+    Raises PlanError if there is no results.h5 or it was made with other settings, and the analysis' errors.
     """
     path = folder / "results.h5"
     if not path.exists():
@@ -120,15 +159,16 @@ def report(config: Config, folder: Path, frames: Frames | None = None) -> str:
     digest = hashlib.sha256(f"{stat.st_size} {stat.st_mtime_ns} {code_digest(ANALYSIS)}".encode()).hexdigest()
     note = read_json(folder / NOTE, {})
     if note.get("report") == digest and (folder / "report.html").exists():
-        return f"{folder.name}: report.html is up to date"
+        return f"{folder.name}: report.html is up to date" + _print_figures(path, folder, wanted, frames)
     from analysis.report import write_report
     from analysis.results import read_results
     from analysis.tables import evaluate
 
     results = read_results(path)
-    page = write_report(results, evaluate(results) if frames is None else frames, folder)
+    frames = evaluate(results) if frames is None else frames
+    page = write_report(results, frames, folder)
     write_json(folder / NOTE, note | {"report": digest})
-    return f"{folder.name}: {page}"
+    return f"{folder.name}: {page}" + _print_figures(path, folder, wanted, frames)
 
 
 def _changed_setting(config: Config, results: Path) -> str:
@@ -154,10 +194,11 @@ def _changed_setting(config: Config, results: Path) -> str:
     return ""
 
 
-def report_of_file(path: Path, folder: Path) -> str:
+def report_of_file(path: Path, folder: Path, wanted: Print | None = None) -> str:
     """Write tables, figures and report.html of a results file into a folder; nothing else of the campaign is needed.
 
-    Returns one line on what was done. Raises analysis.results.ResultsError for a file that cannot be used.
+    Draws the figures for print, too, if wanted. Returns a line on each thing that was done. Raises
+    analysis.results.ResultsError for a file that cannot be used.
     """
     from analysis.report import write_report
     from analysis.results import read_results
@@ -167,7 +208,8 @@ def report_of_file(path: Path, folder: Path) -> str:
     folder.mkdir(parents=True, exist_ok=True)
     frames = evaluate(results)
     written = write_tables(frames, folder)
-    return f"{path}: {len(written)} tables and {write_report(results, frames, folder)}"
+    line = f"{path}: {len(written)} tables and {write_report(results, frames, folder)}"
+    return line + _print_figures(path, folder, wanted, frames)
 
 
 def plan_frame(folder: Path, rows: Sequence[PlannedRun], spared: frozenset[str] = frozenset()) -> pd.DataFrame:

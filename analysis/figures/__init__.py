@@ -54,5 +54,34 @@ def write_figures(
     results = read_results(results)
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    source = f"{results.attrs['campaign']}: results.h5 of {results.attrs['created']}, {len(results.runs)} runs"
-    return [style.save(FIGURES[name](results, frames), folder / f"{name}.png", source) for name in names or FIGURES]
+    return [style.save(FIGURES[name](results, frames), folder / f"{name}.png", _source(results))
+            for name in names or FIGURES]  # fmt: skip
+
+
+def write_print_figures(
+    results: str | Path | Results,
+    frames: Frames,
+    folder: str | Path,
+    file_format: str = "pdf",
+    columns: int = 2,
+    dpi: int = 600,
+    names: Iterable[str] | None = None,
+) -> list[Path]:
+    """Draw the named figures (all by default) for print into a folder; returns the paths.
+
+    file_format: "pdf", "svg" or "png".  columns: 1 or 2 columns of a journal, 88 or 180 mm.  dpi: dots per inch of a
+    PNG, and of the surfaces in a PDF or an SVG.  Raises as `write_figures`.
+    """
+    results = read_results(results)
+    folder = Path(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    for name in names or FIGURES:
+        with style.one_column(columns == 1):
+            figure = FIGURES[name](results, frames)
+        paths.append(style.save_print(figure, folder / f"{name}.{file_format}", columns, dpi, _source(results)))
+    return paths
+
+
+def _source(results: Results) -> str:
+    return f"{results.attrs['campaign']}: results.h5 of {results.attrs['created']}, {len(results.runs)} runs"

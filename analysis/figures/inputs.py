@@ -13,15 +13,15 @@ from ..results.reader import Results
 from . import panels, style
 
 PAIR = ("mu_s", "G_p")
-#: Places of the flat panels of Figure 3 in a grid of 2 x 6.
-PLACES = (np.s_[0, 3:], np.s_[1, :2], np.s_[1, 2:4], np.s_[1, 4:])
+#: Places of the panels of Figure 3 in a grid of 2 x 6.
+PLACES = (np.s_[0, :3], np.s_[0, 3:], np.s_[1, :2], np.s_[1, 2:4], np.s_[1, 4:])
 
 
 @style.styled
 def data_marginals(results: Results) -> Figure:
     """Figure 2: the pairs, and a histogram with the fitted PDFs for each of the two properties."""
-    figure = style.new_figure(7.6, 2.9)
-    scatter, *others = figure.subplots(1, 3)
+    figure = style.new_figure(7.6, 2.9, narrow_height=6.3)
+    scatter, *others = figure.subplots(*style.grid(1, 3))
     mu_s, G_p = results.pairs.T
     scatter.plot(mu_s, style.shown("G_p", G_p), "o", ms=3.5, color="0.25", mfc="none", mew=0.8)
     scatter.set(xlabel=style.label("mu_s"), ylabel=style.label("G_p"), xlim=(0, None), ylim=(0, None))
@@ -48,18 +48,19 @@ def joint_points(results: Results) -> Figure:
     """Figure 3: joint density as surface and contours, the representative points, and what they carry."""
     joint = Joint.from_dict(results.inputs["joint"])
     points = results.points
-    figure = style.new_figure(7.6, 6.4)
+    figure = style.new_figure(7.6, 6.4, narrow_height=9.4)
     doubled = select_points(joint, 2 * len(points))
     reach = [(0.4 * min(points[s].min(), pairs.min()), 1.05 * max(points[s].max(), pairs.max(), more.max()))
              for s, pairs, more in zip(PAIR, results.pairs.T, doubled.x.T, strict=True)]  # fmt: skip
     x, y = np.meshgrid(*(np.linspace(*ends, 120) for ends in reach), indexing="ij")
     factor = panels.pdf_factor("G_p")
     height = joint.pdf(np.column_stack([x.ravel(), y.ravel()])).reshape(x.shape) / factor
-    grid = figure.add_gridspec(2, 6)
-    solid = figure.add_subplot(grid[0, :3], projection="3d")
+    grid = figure.add_gridspec(5, 1) if style.is_narrow() else figure.add_gridspec(2, 6)
+    first, *others = range(5) if style.is_narrow() else PLACES
+    solid = figure.add_subplot(grid[first], projection="3d")
     labels = (style.short_label(PAIR[0]), style.short_label(PAIR[1]))
     panels.draw_surface(solid, x, y * factor, height, labels, "(a) joint density")
-    flat, dots, twice, steps = (figure.add_subplot(grid[place]) for place in PLACES)
+    flat, dots, twice, steps = (figure.add_subplot(grid[place]) for place in others)
     levels = panels.pdf_levels(height.max())
     filled = flat.contourf(x, y * factor, height, levels=levels, cmap=panels.CONTOUR_MAP, extend="max")
     panels.colour_bar(figure, filled, flat, "Joint probability density (1/GPa)")
@@ -74,7 +75,8 @@ def joint_points(results: Results) -> Figure:
         panels.panel_title(axis, letter, f"{len(place)} points" + (", area: probability" if letter == "c" else ""))
     for axis in (flat, dots, twice):
         axis.set(xlabel=style.label("mu_s"), ylabel=style.label("G_p"), xlim=reach[0], ylim=np.array(reach[1]) * factor)
-    twice.set_ylabel("")
+    if not style.is_narrow():
+        twice.set_ylabel("")
     _distribution_steps(steps, joint, points)
     panels.panel_title(steps, "e", f"what the {len(points)} points carry")
     return figure

@@ -17,14 +17,14 @@ from . import panels, style
 def joint_figure(results: Results, symbols: Sequence[str], state: str = "critical") -> Figure:
     """Joint PDFs of eta with each of two quantities at a state, as contours with the points and as surfaces."""
     densities = results.family_densities()
-    figure = style.new_figure(7.4, 7.0)
+    figure = style.new_figure(7.4, 7.0, narrow_height=9.4)
     for row, symbol in enumerate(symbols):
         eta, other, probability = pooled(results, state, ("eta", symbol))
         if np.count_nonzero(probability > 0) < 2:
             panels.withheld(figure.add_subplot(2, 1, row + 1), f"{state} state: not reached")
             continue
         joint = joint_pdf.joint_pdf(eta, other, probability)
-        flat = figure.add_subplot(2, 2, 2 * row + 1)
+        flat = figure.add_subplot(*style.grid(2, 2), 2 * row + 1)
         factor = panels.pdf_factor(symbol)
         filled = flat.contourf(joint.x1, joint.x2 * factor, joint.p.T / factor, cmap=panels.CONTOUR_MAP,
                                levels=panels.pdf_levels(joint.p.max() / factor), extend="max")  # fmt: skip
@@ -37,7 +37,7 @@ def joint_figure(results: Results, symbols: Sequence[str], state: str = "critica
         flat.set_ylim(*_reach(joint.x2[also] * factor, other * factor))
         panels.panel_title(flat, "ac"[row], f"{state} state, correlation of the points {joint.correlation:+.2f}")
         panels.colour_bar(figure, filled, flat, "Joint probability density")
-        solid = figure.add_subplot(2, 2, 2 * row + 2, projection="3d")
+        solid = figure.add_subplot(*style.grid(2, 2), 2 * row + 2, projection="3d")
         keep = np.ix_(seen, also)
         x, y = np.meshgrid(joint.x1[seen], joint.x2[also] * factor, indexing="ij")
         labels = (style.short_label("eta"), style.short_label(symbol))

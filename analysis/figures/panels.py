@@ -76,17 +76,23 @@ def pdf_levels(top: float) -> np.ndarray:
 def contour_row(figure: SubFigure, results: Results, symbol: str, family: str, title: str) -> None:
     """One contour panel per density on common axes, with one colour bar; lines are means."""
     densities = results.family_densities(family)
-    axes = figure.subplots(1, len(densities), squeeze=False)[0]
+    axes = figure.subplots(*style.grid(1, len(densities)), squeeze=False).ravel()
     responses = [results.response(symbol, mu_iso, family) for mu_iso in densities]
     top = max(top_pdf(response) for response in responses)
     filled = None
-    for axis, response, mu_iso in zip(axes, responses, densities, strict=True):
+    for axis, response in zip(axes, responses, strict=True):
         filled = contours_with_mean(axis, response, top)
         axis.set_ylim(*visible_range(responses, symbol))
-        axis.set_title(style.density_title(mu_iso, densities), fontsize=8.5)
-    for axis in axes[1:]:
-        axis.tick_params(labelleft=False)
-    axes[0].set_ylabel(style.label(symbol))
+    if style.is_narrow():
+        for axis, mu_iso in zip(axes, densities, strict=True):
+            axis.set_ylabel(style.density_title(mu_iso, densities).split(",")[0])
+            axis.label_outer()
+        figure.supylabel(style.label(symbol))
+    else:
+        for axis, mu_iso in zip(axes, densities, strict=True):
+            axis.set_title(style.density_title(mu_iso, densities), fontsize=8.5)
+            axis.label_outer()
+        axes[0].set_ylabel(style.label(symbol))
     figure.suptitle(title, x=0.01, ha="left", fontsize=9.5)
     colour_bar(figure, filled, list(axes), style.pdf_label(symbol))
 
@@ -159,7 +165,9 @@ def mean_band(axis: Axes, results: Results, symbol: str, family: str = "coupled"
     axis.set_xlabel(style.label("eps_a"))
     axis.set_ylabel(style.label(symbol))
     axis.set_xlim(left=0)
-    if legend:
+    if legend and style.is_narrow():
+        axis.legend(loc="lower right")
+    elif legend:
         axis.legend(loc="best", title=r"mean $\pm$ 2 standard deviations")
 
 
@@ -193,7 +201,7 @@ def draw_surface(
     axis.text2D(0.99, 0.8, "PDF", transform=axis.transAxes, ha="right", fontsize=8)
     axis.tick_params(labelsize=7, pad=0)
     for side in (axis.xaxis, axis.yaxis, axis.zaxis):
-        side.set_major_locator(MaxNLocator(5))
+        side.set_major_locator(MaxNLocator(3 if style.is_narrow() else 5))
     axis.set_title(title, y=0.98, loc="left")
     axis.set_box_aspect((1.25, 1, 0.7), zoom=0.88)
 
@@ -206,7 +214,7 @@ def withheld(axis: Axes, text: str) -> None:
 
 def panel_title(axis: Axes, letter: str, title: str = "") -> None:
     """Letter and title of a panel at its upper left."""
-    axis.set_title(f"({letter}) {title}".rstrip())
+    axis.set_title(style.wrapped(f"({letter}) {title}".rstrip()))
 
 
 def share_range(*axes: Axes) -> None:

@@ -13,8 +13,8 @@ def stiffness_dilatancy(results: Results) -> Figure:
     """PDFs of G_0 and of D^p per density, and every point against G_p and mu_s."""
     densities = results.family_densities()
     points, markers = results.family_points(), style.density_markers(densities)
-    figure = style.new_figure(7.2, 5.6)
-    axes = figure.subplots(2, 2)
+    figure = style.new_figure(7.2, 5.6, narrow_height=8.4)
+    axes = figure.subplots(*style.grid(2, 2)).reshape(2, 2)
     rows = (("probe", "G_0", "G_p"), ("peak", "D_p", "mu_s"))
     for (left, right), letters, (state, symbol, driver) in zip(axes, ("ab", "cd"), rows, strict=True):
         if symbol not in results.state_symbols(state, densities[0]):

@@ -14,11 +14,11 @@ from . import panels, style
 def behaviour(results: Results, symbol: str) -> Figure:
     """PDF contours along strain per density, PDFs at the peak and at the critical state, two surfaces."""
     densities = results.family_densities()
-    figure = style.new_figure(7.6, 8.4)
-    rows = figure.subfigures(3, 1, height_ratios=[1.0, 1.0, 1.15])
+    figure = style.new_figure(7.6, 8.4, narrow_height=7.6)
+    rows = figure.subfigures(3, 1, height_ratios=[1.0, 1.3, 0.85] if style.is_narrow() else [1.0, 1.0, 1.15])
     panels.contour_row(rows[0], results, symbol, "coupled",
                        "(a) along axial strain; line: mean")  # fmt: skip
-    left, right = rows[1].subplots(1, 2)
+    left, right = rows[1].subplots(*style.grid(1, 2))
     panels.state_pdfs(left, results, "peak", symbol, legend=True)
     panels.panel_title(left, "b", "at the peak of the stress ratio")
     panels.state_pdfs(right, results, "critical", symbol)

@@ -212,6 +212,19 @@ def test_a_results_file_alone_gives_the_same_report_wherever_it_lies(tmp_path, m
     assert {"report.html", "tables/claims.csv", "figures/fig10_coordination.png"} < set(written[0])
 
 
+def test_figures_for_print_lie_beside_the_others_and_leave_the_report_alone(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(analysis.figures, "FIGURES", {"fig02_data_marginals": FIGURES["fig02_data_marginals"]})
+    results = shutil.copyfile(synthetic_results.example(noise=0.02), tmp_path / "results.h5")
+    assert main(["report", str(results)]) == 0
+    before = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
+    capsys.readouterr()
+    assert main(["report", str(results), "--figures", "pdf", "--columns", "1"]) == 0
+    assert "1 figures for print (pdf, columns: 1)" in capsys.readouterr().out
+    after = {p: p.read_bytes() for p in tmp_path.rglob("*") if p.is_file()}
+    assert after.keys() - before.keys() == {tmp_path / "figures" / "print" / "fig02_data_marginals.pdf"}
+    assert {p: after[p] for p in before} == before
+
+
 def test_a_results_file_that_is_none_ends_in_one_line(tmp_path, capsys):
     (tmp_path / "results.h5").write_text("nothing")
     assert main(["report", str(tmp_path / "results.h5")]) == 2

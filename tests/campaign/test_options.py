@@ -9,6 +9,7 @@ from campaign_cases import finish, make_small
 from campaign import __main__ as command_line
 from campaign import products
 from campaign.__main__ import COMMANDS, OPTIONS, main
+from campaign.evaluate import Print
 
 
 @pytest.fixture
@@ -100,9 +101,16 @@ def check_reads_products_that_look_unchanged(case, capsys, command):
     assert case.rows[-1].run_id in answer(case, capsys, command, "--check")[1]
 
 
+def print_options_go_to_the_figures(case, capsys, command):
+    wanted = [answer(case, capsys, command, *o)[2][0][2]["wanted"]
+              for o in ((), ("--figures", "svg"), ("--figures", "png", "--columns", "1", "--dpi", "300"))]  # fmt: skip
+    assert wanted == [None, Print("svg", 2, 600), Print("png", 1, 300)]
+
+
 USES = {("status", "--jobs"): jobs_changes_the_time_to_go, ("status", "--json"): json_is_printed}
 USES |= {(command, "--folder"): folder_is_where_the_campaign_is for command in COMMANDS}
 USES |= {(command, "--check"): check_reads_products_that_look_unchanged for command in ("status", "missing")}
+USES |= {("report", option): print_options_go_to_the_figures for option in ("--figures", "--columns", "--dpi")}
 for _command in ("run", "all"):
     USES[_command, "--jobs"] = jobs_goes_to_the_engine
     USES[_command, "--engine"] = engine_is_the_one_that_runs
@@ -125,3 +133,17 @@ def test_no_command_accepts_an_option_without_a_test_of_its_effect():
         if option.startswith("--") and option != "--help"
     }
     assert accepted == set(USES) and {option for _, option in accepted} == set(OPTIONS)
+
+
+@pytest.mark.parametrize("options, said", [
+    (("--figures", "eps"), "--figures = 'eps' is not one of pdf, svg, png"),
+    (("--figures", "pdf", "--dpi", "71"), "--dpi = 71 is outside [72, 1200]"),
+    (("--figures", "png", "--dpi", "1201"), "--dpi = 1201 is outside [72, 1200]"),
+    (("--figures", "svg", "--columns", "3"), "--columns = 3 is not 1 or 2 (columns of a journal)"),
+    (("--dpi", "300"), "--dpi has an effect with --figures only"),
+    (("--columns", "1"), "--columns has an effect with --figures only"),
+])  # fmt: skip
+def test_figures_for_print_that_are_not_possible_are_refused_in_one_line(case, capsys, options, said):
+    for source in (str(case.toml), str(case.folder / "results.h5")):
+        assert main(["report", source, "--folder", str(case.folder), *options]) == 2
+        assert capsys.readouterr() == ("", f"campaign: {said}\n") and case.calls == []

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
+import re
+
 import numpy as np
 import pytest
 import synthetic_results as synthetic
 from matplotlib import colormaps, rcParams
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 from PIL import Image
 
-from analysis.figures import FIGURES, panels, style, write_figures
+from analysis.figures import FIGURES, panels, style, write_figures, write_print_figures
 from analysis.pdem import weighted
 from analysis.quantities import QUANTITIES
 from analysis.results.build import build_results
@@ -126,3 +130,75 @@ def test_a_campaign_of_one_density_has_its_figures_too(tmp_path):
     single = small_campaign(tmp_path, (0.04,), ("consolidate", "shear"))
     for name in ("fig06_stress_ratio_surfaces", "fig08_void_ratio", "fig13_stiffness_dilatancy", "fig14_joint_eta_e"):
         assert FIGURES[name](single, {}).axes
+
+
+PRINTED = "fig02_data_marginals"
+
+
+@pytest.mark.parametrize("columns, points", [(1, 88 / 25.4 * 72), (2, 180 / 25.4 * 72)])
+def test_a_pdf_for_print_has_the_width_of_its_columns_and_contains_its_fonts(results, tmp_path, columns, points):
+    (path,) = write_print_figures(results, {}, tmp_path, "pdf", columns, names=[PRINTED])
+    data = path.read_bytes()
+    box = re.search(rb"/MediaBox \[ *0 0 ([\d.]+) ([\d.]+) *\]", data)
+    assert path.name == f"{PRINTED}.pdf" and data.startswith(b"%PDF")
+    assert float(box[1]) == pytest.approx(points, abs=0.01)
+    fonts = data.count(b"/Type /FontDescriptor")
+    assert fonts == data.count(b"/FontFile2") > 0 and b"/Type3" not in data and b"/CIDFontType2" in data
+
+
+def test_an_svg_for_print_has_the_width_of_its_columns_and_needs_no_font(results, tmp_path):
+    (path,) = write_print_figures(results, {}, tmp_path, "svg", 1, names=[PRINTED])
+    text = path.read_text()
+    assert float(re.search(r'<svg [^>]*width="([\d.]+)pt"', text)[1]) == pytest.approx(88 / 25.4 * 72, abs=0.01)
+    assert "<text" not in text and "font-family" not in text
+
+
+@pytest.mark.parametrize("dpi", [100, 300])
+def test_a_png_for_print_has_the_pixels_of_its_resolution(results, tmp_path, dpi):
+    (path,) = write_print_figures(results, {}, tmp_path, "png", 1, dpi, [PRINTED])
+    image = Image.open(path)
+    assert image.width == pytest.approx(88 / 25.4 * dpi, abs=1) and image.info["dpi"][0] == pytest.approx(dpi, abs=0.1)
+
+
+@pytest.mark.parametrize("file_format", ["pdf", "svg", "png"])
+def test_a_figure_for_print_names_its_source_and_has_the_same_bytes_again(results, tmp_path, file_format):
+    both = [
+        write_print_figures(results, {}, tmp_path / k, file_format, 1, 100, [PRINTED])[0].read_bytes() for k in "ab"
+    ]
+    assert both[0] == both[1] and results.attrs["created"].encode() in both[0]
+    assert b"CreationDate" not in both[0] and b"<dc:date>" not in both[0]
+
+
+@pytest.mark.parametrize("columns", [1, 2])
+@pytest.mark.parametrize("name", ["fig03_joint_points", "fig05_stress_ratio", "fig11_mechanical_coordination",
+                                  "fig15_joint_eta_Z"])  # fmt: skip
+def test_text_in_print_has_7_pt_and_lies_in_the_figure_beside_other_text(results, tmp_path, monkeypatch, name, columns):
+    drawn, draw_figure, draw_text = [], Figure.draw, Text.draw
+
+    def figure_begins(figure, *args):
+        drawn.clear()  # a figure that is laid out by constraint is drawn twice
+        return draw_figure(figure, *args)
+
+    def text_is_drawn(text, renderer, *args, **options):
+        if text.get_visible() and text.get_text():
+            drawn.append((text, text.get_window_extent(renderer).padded(-1)))
+        return draw_text(text, renderer, *args, **options)
+
+    monkeypatch.setattr(Figure, "draw", figure_begins)
+    monkeypatch.setattr(Text, "draw", text_is_drawn)
+    (path,) = write_print_figures(results, {}, tmp_path, "png", columns, 150, [name])
+    width, height = Image.open(path).size
+    assert height <= 240 / 25.4 * 150  # a page
+    assert len(drawn) > 30 and min(text.get_fontsize() for text, _ in drawn) >= 7
+    outside = [text.get_text() for text, box in drawn
+               if min(box.x0, box.y0) < 0 or box.x1 > width or box.y1 > height]  # fmt: skip
+    straight = [(text.get_text(), box) for text, box in drawn if text.get_rotation() % 90 == 0]
+    overlaps = [(a, b) for (a, one), (b, two) in itertools.combinations(straight, 2) if one.overlaps(two)]
+    assert outside == [] and overlaps == []
+
+
+def test_figures_after_a_print_are_as_before(results, tmp_path):
+    (before,) = write_figures(results, {}, tmp_path / "before", [PRINTED])
+    write_print_figures(results, {}, tmp_path, "png", 1, 72, [PRINTED])
+    (after,) = write_figures(results, {}, tmp_path / "after", [PRINTED])
+    assert before.read_bytes() == after.read_bytes()
