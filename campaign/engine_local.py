@@ -18,8 +18,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from campaign.config import ROOT, Config, jobs
-from campaign.files import write_text
-from campaign.folder import OWNER, RunError, folder_lock, is_locked, open_plain, write_failure
+from campaign.files import say_once, write_text
+from campaign.folder import OWNER, RunError, folder_lock, holder, is_locked, open_plain, write_failure
 from campaign.plan import STAGES, PlannedRun, script, yade_table
 from campaign.products import RunStatus, clear_the_way, run_statuses, set_aside, write_blocked
 from campaign.progress import Progress, bar, span
@@ -45,10 +45,10 @@ def run_missing(
     """
     with folder_lock(folder, "products", "logs", "batch"):
         statuses, missing = clear_the_way(folder, rows, again=again, spared=spared)
+        _remove_leftovers(folder)
         if not missing:
             return 0
         _check_machine(folder, missing, config)
-        _remove_leftovers(folder)
         watch = _Watch(rows, statuses, config, quiet)
         _run_batches(config, folder, rows, missing, watch)
         watch.progress.end()
@@ -80,14 +80,21 @@ def _check_machine(folder: Path, missing: Sequence[PlannedRun], config: Config) 
 
 
 def _remove_leftovers(folder: Path) -> None:
-    """Remove the temporary files of killed runs, except those of runs that are at work (by hand or in SLURM)."""
+    """Remove the temporary files of killed runs, except those of runs that are at work (by hand or in SLURM).
+
+    A run of another host that cannot be asked is mentioned: it keeps its lock until the user deletes that.
+    """
+    for path in (folder / "batch").glob(f"slot_*.lock{OWNER}"):
+        path.unlink(missing_ok=True)  # places for runs at once belong to the one `run` that has the folder
     for path in [p for ending in (".part", ".tmp", f".lock{OWNER}", ".lock") for p in _hidden(folder, ending)]:
         run_id = re.split(r"\.(?:h5|checkpoint|failed\.json|lock|tmp)\b", path.name[1:])[0]
-        if not is_locked(path.with_name(f".{run_id}.lock")):
-            if path.is_dir() and not path.is_symlink():
-                shutil.rmtree(path, ignore_errors=True)
-            else:
-                path.unlink(missing_ok=True)
+        if is_locked(path.with_name(f".{run_id}.lock")):
+            if path.name.endswith(OWNER):
+                say_once(f"{run_id}: runs in {holder(path)}")
+        elif path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            path.unlink(missing_ok=True)
 
 
 def _hidden(folder: Path, ending: str) -> list[Path]:

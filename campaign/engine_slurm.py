@@ -3,7 +3,9 @@
 Each submission keeps its own table of rows in batch/, so that a later plan cannot change what a waiting task will do.
 Several short rows are packed into one task, and an array longer than the cluster allows is split. Submitting again is
 safe: rows that have a product or are in the queue are left out, and nothing is submitted while the queue, or the note
-of what was submitted (batch/slurm.json), cannot be read. No command of SLURM may take longer than SECONDS.
+of what was submitted (batch/slurm.json), cannot be read. A job is noted under a name of its own before it is submitted:
+if this process is killed before it knows the number, the queue shows by that name whether the job is there. No command
+of SLURM may take longer than SECONDS.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -25,6 +28,7 @@ from campaign.files import read_json, write_json, write_text
 from campaign.folder import RunError, folder_lock
 from campaign.plan import STAGES, PlannedRun, script, table_line, yade_table
 from campaign.products import clear_the_way
+from campaign.run_one import die_with_parent
 
 NOTE = "batch/slurm.json"
 #: States of a task that has ended.
@@ -54,11 +58,16 @@ def submit_missing(
     if shutil.which("sbatch") is None:
         raise RunError("sbatch: no such program; is SLURM installed here?")
     with folder_lock(folder, "products", "logs", "batch"):
-        queue = queued_rows(folder)
+        noted = _noted(folder)
+        queue, numbers = _queue(noted)
+        jobs = [job | {"job": _number(job, numbers)} for job in noted]
+        if jobs != noted:
+            _write_note(folder, jobs)
+        _check_submitted(jobs)
         _, missing = clear_the_way(folder, rows, again=again, spared=spared)
         to_submit = [row for row in missing if row.run_id not in queue]
-        jobs = _noted(folder)
-        waiting = {job["job"] for job in jobs if set(queue) & {run_id for task in job["tasks"] for run_id in task}}
+        busy = [job for job in jobs if set(queue) & {run_id for task in job["tasks"] for run_id in task}]
+        waiting = {job["job"] for job in busy if job["job"]}
         submitted: list[str] = []
         ids: list[str] = []
         longest = _longest_array() if to_submit else MAX_ARRAY
@@ -72,17 +81,13 @@ def submit_missing(
                 # the limit on tasks at once is that of an array: with one, parts follow each other
                 job_after = [*after, *of_stage[-1:]] if config.run.slurm.throttle else after
                 try:
-                    job = _submit(config, folder, stage, part, len(jobs), job_after)
+                    job = _submit(config, folder, stage, part, jobs, job_after)
+                    of_stage.append(job)
+                    ids.append(job)
+                    jobs[-1]["job"] = job
+                    _write_note(folder, jobs)
                 except RunError as error:
                     raise RunError(f"{error}{_cancel(ids)}") from None
-                of_stage.append(job)
-                ids.append(job)
-                jobs.append({"job": job, "stage": stage, "tasks": [[row.run_id for row in task] for task in part]})
-                try:
-                    write_json(folder / NOTE, jobs)
-                except OSError as error:
-                    text = f"{folder / NOTE}: cannot be written: {error.strerror or error}"
-                    raise RunError(f"{text}{_cancel(ids)}") from None
             waiting |= set(of_stage)
             word = "job" if len(of_stage) == 1 else "jobs"
             submitted.append(f"{len(stage_rows)} {stage} in {len(tasks)} tasks ({word} {', '.join(of_stage)})")
@@ -90,7 +95,7 @@ def submit_missing(
 
 
 def _noted(folder: Path) -> list[dict[str, Any]]:
-    """The array jobs that were submitted: job id, stage, and the run ids of each task.
+    """The array jobs that were submitted: job id ("" if sbatch's answer is not known), stage, run ids of each task.
 
     Raises RunError if the note of them is damaged or cannot be read, since their runs would then be submitted twice.
     """
@@ -113,9 +118,32 @@ def _is_job(job: Any) -> bool:
     return (
         isinstance(job, dict)
         and isinstance(job.get("job"), str)
+        and (bool(job["job"]) or isinstance(job.get("name"), str))
+        and isinstance(job.get("time", 0.0), float)
         and isinstance(job.get("tasks"), list)
         and all(isinstance(task, list) and all(isinstance(run_id, str) for run_id in task) for task in job["tasks"])
     )
+
+
+def _write_note(folder: Path, jobs: Sequence[dict[str, Any]]) -> None:
+    try:
+        write_json(folder / NOTE, jobs)
+    except OSError as error:
+        raise RunError(f"{folder / NOTE}: cannot be written: {error.strerror or error}") from None
+
+
+def _check_submitted(jobs: Sequence[dict[str, Any]]) -> None:
+    """Raise RunError while it is not known whether SLURM has taken a job of an earlier `run` that was interrupted.
+
+    After SECONDS such a job is in the queue, where its name shows it, or it never comes.
+    """
+    for job in jobs:
+        age = time.time() - job.get("time", 0.0)
+        if not job["job"] and 0.0 <= age < SECONDS:
+            raise RunError(
+                f"sbatch: was interrupted {age:.0f} s ago while it submitted job {job['name']}, which is not in the "
+                f"queue; run again in {SECONDS - age:.0f} s, when that is certain"
+            )
 
 
 def _longest_array() -> int:
@@ -152,13 +180,19 @@ def pack(rows: Sequence[PlannedRun], seconds: float) -> list[list[PlannedRun]]:
 
 
 def _submit(
-    config: Config, folder: Path, stage: str, tasks: Sequence[Sequence[PlannedRun]], serial: int, after: Sequence[str]
+    config: Config,
+    folder: Path,
+    stage: str,
+    tasks: Sequence[Sequence[PlannedRun]],
+    jobs: list[dict[str, Any]],
+    after: Sequence[str],
 ) -> str:
-    """Write table, tasks and script of one array job, submit it after the jobs `after`, and return its number.
+    """Write table, tasks and script of one array job, note it in `jobs`, submit it after the jobs `after`.
 
-    Raises RunError if sbatch refuses it or answers with something else than a number; whatever it may have submitted
-    then is cancelled by its name, which no other job has.
+    Returns its number. Raises RunError if sbatch refuses it or answers with something else than a number; whatever it
+    may have submitted then is cancelled by its name, which no other job has. The job stays noted if it may still come.
     """
+    serial = len(jobs)
     base, rows = f"batch/slurm_{serial}_{stage}", [row for task in tasks for row in task]
     write_text(folder / f"{base}.table", yade_table(rows, f"submission {serial} to SLURM"))
     line_of = {row.run_id: table_line(k) for k, row in enumerate(rows)}
@@ -166,10 +200,14 @@ def _submit(
     write_text(folder / f"{base}.tasks", lines)
     name = f"{config.name}-{stage}-{os.urandom(4).hex()}"
     write_text(folder / f"{base}.sh", job_script(config, folder, stage, base, len(tasks), after, name))
+    run_ids = [[row.run_id for row in task] for task in tasks]
+    jobs.append({"job": "", "name": name, "time": time.time(), "stage": stage, "tasks": run_ids})
+    _write_note(folder, jobs)
     exit_status, output, error = _ask_slurm("sbatch", "--parsable", f"{base}.sh", cwd=folder)
     if exit_status:
         refused = f"sbatch: {error or 'failed'}"
         if exit_status > 0:
+            _write_note(folder, jobs[:-1])
             raise RunError(refused)
     else:
         ids = [line for line in output.splitlines() if re.fullmatch(r"[0-9]+(;[\w.-]+)?", line.strip())]
@@ -177,6 +215,8 @@ def _submit(
             return ids[0].strip().split(";")[0]
         refused = f"sbatch: answered {_shown(output) or 'nothing'}, which is no job number"
     failed, _, _ = _ask_slurm("scancel", f"--name={name}")
+    if not (failed or exit_status):
+        _write_note(folder, jobs[:-1])
     left = f"look for a job named {name}" if failed else f"a job named {name}, if there is one, was cancelled"
     raise RunError(f"{refused}; {left}")
 
@@ -222,37 +262,49 @@ def queued_rows(folder: Path) -> dict[str, str]:
     Raises RunError if SLURM does not answer, or with something else than a queue, since an unknown queue is not an
     empty one; also if the note of what was submitted is damaged.
     """
-    jobs = _noted(folder)
+    return _queue(_noted(folder))[0]
+
+
+def _queue(jobs: Sequence[dict[str, Any]]) -> tuple[dict[str, str], dict[str, str]]:
+    """What waits or runs of these jobs: run id -> "queued", and the name of a job -> its number. Raises RunError."""
     if not jobs:
-        return {}
+        return {}, {}
     unknown = "what waits in the queue is not known"
-    exit_status, output, error = _ask_slurm("squeue", "--me", "-h", "-r", "-o", "%F %K %T")
+    exit_status, output, error = _ask_slurm("squeue", "--me", "-h", "-r", "-o", "%F %K %T %j")
     if exit_status or re.search(ERROR, error):
         raise RunError(f"squeue: {error or 'failed'}; {unknown}")
-    tasks = {(job["job"], k): task for job in jobs for k, task in enumerate(job["tasks"])}
-    queued: dict[str, str] = {}
+    entries = []
     for line in filter(str.strip, output.splitlines()):
-        entry = re.fullmatch(r"\s*([0-9]+)\s+(\S+)\s+([A-Z_]+)\s*", line)
+        entry = re.fullmatch(r"\s*([0-9]+)\s+(\S+)\s+([A-Z_]+)\s+(\S.*)", line)
         if not entry:
             raise RunError(f"squeue: answered {_shown(line)}, which is no task; {unknown}")
-        job, index, state = entry.groups()
-        if state in ENDED:
-            continue
+        if entry[3] not in ENDED:
+            entries.append(entry)
+    numbers = {entry[4].strip(): entry[1] for entry in entries}
+    tasks = {(_number(job, numbers), k): task for job in jobs for k, task in enumerate(job["tasks"])}
+    queued: dict[str, str] = {}
+    for job, index in ((entry[1], entry[2]) for entry in entries):
         # an index such as 0-7%3 stands for tasks that SLURM has not listed one by one
         waiting = [k for j, k in tasks if j == job] if not re.fullmatch("[0-9]+", index) else [int(index)]
         queued |= {run_id: "queued" for k in waiting for run_id in tasks.get((job, k), [])}
-    return queued
+    return queued, numbers
+
+
+def _number(job: dict[str, Any], numbers: dict[str, str]) -> str:
+    """The number of a noted job, from the queue where its note has none; "" if it is not there either."""
+    return job["job"] or numbers.get(job["name"], "")
 
 
 def _ask_slurm(*command: str, cwd: Path | None = None) -> tuple[int, str, str]:
-    """Exit status, output and error (one line) of a SLURM command.
+    """Exit status, output and error (one line) of a SLURM command, which ends with this process.
 
     One that is missing has status 1; one that is not done after SECONDS is killed and has status -1, since what it did
     is not known. Bytes that are no UTF-8 stay visible as replacement characters.
     """
     try:
         process = subprocess.Popen(command, cwd=cwd, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-                                   stderr=subprocess.PIPE, start_new_session=True)  # fmt: skip
+                                   stderr=subprocess.PIPE, start_new_session=True,
+                                   preexec_fn=die_with_parent)  # fmt: skip
     except OSError as failure:
         return 1, "", f"{command[0]}: {failure.strerror or failure}"
     with process:
@@ -275,7 +327,7 @@ def ended_without_product(folder: Path, missing: Sequence[str]) -> dict[str, str
 
     Raises RunError if the note of what was submitted is damaged.
     """
-    jobs = _noted(folder)
+    jobs = [job for job in _noted(folder) if job["job"]]
     last_task = {run_id: (job["job"], k) for job in jobs for k, task in enumerate(job["tasks"]) for run_id in task}
     tasks = {run_id: last_task[run_id] for run_id in missing if run_id in last_task}
     states = {}

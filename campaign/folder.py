@@ -16,6 +16,7 @@ from typing import Any
 
 from analysis.errors_and_files import GrainScatterError
 from campaign.files import say_once, write_json
+from campaign.progress import span
 
 SUMS = "SHA256SUMS"
 #: What `flock` answers on a file system that has no locks, as network file systems of clusters often are.
@@ -95,7 +96,7 @@ def _owner_file(path: Path) -> Iterator[None]:
         except FileExistsError:
             owner = _owner(path)
             if _is_alive(owner):
-                raise HeldError(f"process {_shown(owner)}; if it has ended, delete {path}") from None
+                raise HeldError(holder(path)) from None
             with contextlib.suppress(FileNotFoundError):
                 os.rename(path, stale := path.with_name(f"{path.name}.{os.getpid()}"))  # one process succeeds
                 os.unlink(stale)
@@ -114,6 +115,14 @@ def _myself() -> str:
 
 def _shown(owner: str) -> str:
     return owner.partition(", begun")[0].strip()
+
+
+def holder(path: Path) -> str:
+    """Who holds the lock that an owner file stands for, and since when: process, host, age and file, in one line."""
+    age = 0.0
+    with contextlib.suppress(OSError):
+        age = max(0.0, time.time() - path.stat().st_mtime)
+    return f"process {_shown(_owner(path))}, which took it {span(age)} ago; if it has ended, delete {path.resolve()}"
 
 
 def _owner(path: Path) -> str:

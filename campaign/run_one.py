@@ -79,8 +79,8 @@ def run_row(table: Path, line: int, script: str) -> int:
         stack.enter_context(_slot())
         try:
             stack.enter_context(exclusive(lock_path))
-        except HeldError:
-            print(f"{run_id}: is running already")
+        except HeldError as held:
+            print(f"{run_id}: is running already ({held})")
             return BUSY
         if os.environ.get("CAMPAIGN_LOG"):  # in SLURM, where nothing else writes the output to the log
             log = open_plain(Path(f"logs/{run_id}.log"), os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
@@ -214,19 +214,22 @@ def _attempt(task: Task, product: Path, script: str, batch: str) -> int:
         print(f"no space left: under {FREE_BYTES >> 20} MiB free for {product.parent}", flush=True)
         return ENVIRONMENT
     sys.stdout.flush()
-    with _temporary_folder(product) as place:
+    place = product.parent.resolve() / f".{product.stem}.tmp"
+    child: subprocess.Popen | None = None
+
+    def end_with_child(number: int, frame: object) -> None:
+        if child is not None:  # else it ends with this process
+            _end(child)
+        failure.unlink(missing_ok=True)  # what YADE states when it is interrupted, too, is no failure of the run
+        _remove_folder(place)
+        os._exit(128 + number)
+
+    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, end_with_child)
+    with _temporary_folder(place):
         env = run_environment() | {"YADE_BATCH": batch, "TMPDIR": str(place)}
         child = subprocess.Popen([yade, "-n", "-x", "-j1", script], env=env, stdin=subprocess.DEVNULL,
                                  preexec_fn=die_with_parent)  # fmt: skip
-
-        def end_with_child(number: int, frame: object) -> None:
-            _end(child)
-            failure.unlink(missing_ok=True)  # what YADE states when it is interrupted, too, is no failure of the run
-            _remove_folder(place)
-            os._exit(128 + number)
-
-        for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
-            signal.signal(number, end_with_child)
         stopped = _watch(child, task.predicted, place)
     if product.exists():
         failure.unlink(missing_ok=True)
@@ -255,13 +258,12 @@ def run_environment() -> dict[str, str]:
 
 
 @contextlib.contextmanager
-def _temporary_folder(product: Path) -> Iterator[Path]:
-    """A folder for the temporary files of a run, new and empty; what a killed run left in it is removed before."""
-    place = product.parent.resolve() / f".{product.stem}.tmp"
+def _temporary_folder(place: Path) -> Iterator[None]:
+    """Make the folder for the temporary files of a run; what a killed run left in it is removed before."""
     _remove_folder(place)
     place.mkdir()
     try:
-        yield place
+        yield
     finally:
         _remove_folder(place)
 

@@ -92,6 +92,15 @@ def test_temporary_files_end_with_their_run_also_when_it_is_killed(tmp_path):
     assert not list((small.folder / "products").glob(".*.tmp"))
 
 
+def test_a_temporary_folder_is_removed_also_where_nothing_is_missing(tmp_path):
+    """A supervisor that is killed after its product is complete leaves one."""
+    small = finish(make_small(tmp_path))
+    left = small.folder / "products" / f".{small.rows[-1].run_id}.tmp"
+    left.mkdir()
+    assert small.command("run", "--jobs", "1").returncode == 0
+    assert not left.exists()
+
+
 def test_interrupt_ends_in_one_line_and_leaves_nothing_running(tmp_path):
     small = make_small(tmp_path, seconds=30.0)
     # a shell that runs the tests in the background makes them ignore Ctrl-C, and children inherit this

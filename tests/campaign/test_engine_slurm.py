@@ -1,5 +1,6 @@
 """The SLURM engine: packing, dependencies, and (in `make slurm-test`) a campaign through a real one-node SLURM."""
 
+import json
 import os
 import re
 import shutil
@@ -14,8 +15,10 @@ import pytest
 from campaign_cases import ROOT, SUBMIT, make_real, make_small, plan_real, slurm_of, undisturbed
 from kill_runs import compare
 
+from campaign import engine_slurm
 from campaign.config import read_config
-from campaign.engine_slurm import job_script, pack
+from campaign.engine_slurm import NOTE, SECONDS, job_script, pack, submit_missing
+from campaign.folder import RunError
 from campaign.plan import STAGES
 
 with_slurm = pytest.mark.skipif(
@@ -81,6 +84,83 @@ def test_a_queue_that_does_not_answer_is_not_an_empty_one(tmp_path):
     assert "Traceback" not in again.stderr and len((small.folder / "submitted.txt").read_text().split()) == 3
     status = small.command("status", **path)
     assert status.returncode == 0 and "is not known" in status.stdout and "without a product" not in status.stdout
+
+
+#: An sbatch that keeps the name of its job for the queue, and one that kills the `run` before that has its answer.
+NAMED = SUBMIT.replace(";", "; sed -n 's/^#SBATCH --job-name=//p' \"$2\" >> names.txt;", 1)
+KILLED = NAMED.replace("; wc", "; kill -9 $PPID; wc", 1)
+
+
+def test_a_job_whose_number_was_lost_by_a_kill_is_found_by_its_name(tmp_path):
+    """It is not submitted again, status shows its rows, and the other stages wait for it."""
+    small = make_small(tmp_path)
+    queue = f'while read name; do echo "1 0-7%3 PENDING $name"; done < {small.folder}/names.txt'
+    path = {"PATH": slurm_of(tmp_path, sbatch=KILLED, squeue=queue)}
+    assert small.command("run", "--engine", "slurm", **path).returncode == -signal.SIGKILL
+    consolidations = sum(row.stage == "consolidate" for row in small.rows)
+    counts = json.loads(small.command("status", "--json", **path).stdout)["counts"]
+    assert counts["consolidate"]["queued"] == counts["total"]["queued"] == consolidations
+    slurm_of(tmp_path, sbatch=NAMED)
+    again = small.command("run", "--engine", "slurm", **path)
+    assert again.returncode == 0 and "consolidate" not in again.stdout, again.stdout + again.stderr
+    scripts = (small.folder / "submitted.txt").read_text().split()
+    assert scripts == [f"batch/slurm_{k}_{stage}.sh" for k, stage in enumerate(STAGES)]
+    assert "--dependency=afterany:1\n" in (small.folder / scripts[1]).read_text()
+    assert [job["job"] for job in json.loads((small.folder / NOTE).read_text())] == ["1", "2", "3"]
+
+
+def test_a_job_that_may_still_come_is_waited_for_and_one_that_never_came_is_submitted(tmp_path):
+    small = make_small(tmp_path)
+    path = {"PATH": slurm_of(tmp_path, sbatch="kill -9 $PPID", squeue="exit 0")}
+    assert small.command("run", "--engine", "slurm", **path).returncode == -signal.SIGKILL
+    note = small.folder / NOTE
+    jobs = json.loads(note.read_text())
+    note.write_text(json.dumps([job | {"time": time.time()} for job in jobs]))
+    slurm_of(tmp_path, sbatch=NAMED)
+    early = small.command("run", "--engine", "slurm", **path)
+    assert early.returncode == 2 and len(early.stderr.splitlines()) == 1
+    assert re.search(r"interrupted \d+ s ago .* job small-consolidate-\w{8}, .* run again in \d+ s", early.stderr)
+    assert not (small.folder / "submitted.txt").exists()
+    note.write_text(json.dumps([job | {"time": time.time() - SECONDS} for job in jobs]))
+    later = small.command("run", "--engine", "slurm", **path)
+    assert later.returncode == 0 and "2 consolidate" in later.stdout, later.stderr
+    first = re.search(r"--dependency=afterany:(\S+)", (small.folder / "batch/slurm_2_probe.sh").read_text())
+    assert first and first[1] == "1"  # no empty number of the job that never came
+
+
+def test_a_refused_job_is_not_noted(tmp_path):
+    small = make_small(tmp_path)
+    path = {"PATH": slurm_of(tmp_path, sbatch="echo 'sbatch: error: no such partition' >&2; exit 1", squeue="exit 0")}
+    assert small.command("run", "--engine", "slurm", **path).returncode == 2
+    assert json.loads((small.folder / NOTE).read_text()) == []
+    slurm_of(tmp_path, sbatch=SUBMIT)
+    assert small.command("run", "--engine", "slurm", **path).returncode == 0
+
+
+@pytest.mark.parametrize("silent", ["sbatch", "squeue"])
+def test_a_command_that_never_answers_is_ended_after_its_time_limit(tmp_path, monkeypatch, silent):
+    """With all that it has started, which would hold its output open. It would sleep for ten minutes."""
+    small = make_small(tmp_path)
+    monkeypatch.setenv("PATH", slurm_of(tmp_path, sbatch=SUBMIT, squeue="exit 0", scancel="exit 0"))
+    if silent == "squeue":
+        submit_missing(small.config, small.folder, small.rows)
+    slurm_of(tmp_path, **{silent: f"sleep 600 & echo $! > {tmp_path}/sleeps; wait"})
+    monkeypatch.setattr(engine_slurm, "SECONDS", 1.0)
+    began = time.monotonic()
+    with pytest.raises(RunError, match=f"{silent}: no answer after 1 s"):
+        submit_missing(small.config, small.folder, small.rows)
+    assert time.monotonic() - began < 300.0
+    pid = int((tmp_path / "sleeps").read_text())
+    while _lives(pid):  # a signal takes its time
+        assert time.monotonic() - began < 300.0
+        time.sleep(0.05)
+
+
+def _lives(pid: int) -> bool:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
 
 
 def test_an_array_longer_than_the_cluster_allows_is_split(tmp_path):

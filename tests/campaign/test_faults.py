@@ -579,7 +579,7 @@ ANSWERS = {
 
 @pytest.mark.parametrize("answer", ANSWERS)
 def test_answers_of_sbatch_that_are_no_number(tmp_path, table, answer, monkeypatch, capsys):
-    """The first stage is submitted, the second is not: the first is cancelled, and nothing is noted as the second."""
+    """The first stage is submitted, the second is not: the first is cancelled. What may still come stays noted."""
     small = make_small(tmp_path)
     sbatch = f"case $2 in *consolidate*) echo '11;cluster-a';; *) {ANSWERS[answer]};; esac"
     cancel = 'echo "$@" >> cancelled.txt'
@@ -590,7 +590,8 @@ def test_answers_of_sbatch_that_are_no_number(tmp_path, table, answer, monkeypat
     assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1
     line = _note(table, f"sbatch answers {answer}", done, {}, {})
     assert line.startswith("campaign: sbatch: ") and "job 11, submitted before it, was cancelled" in line
-    assert [job["job"] for job in json.loads((small.folder / "batch" / "slurm.json").read_text())] == ["11"]
+    noted = [job["job"] for job in json.loads((small.folder / "batch" / "slurm.json").read_text())]
+    assert noted == (["11", ""] if answer == "never" else ["11"])
     cancelled = (tmp_path / "cancelled.txt").read_text().split()
     assert cancelled[-1] == "11" and (answer == "a refusal" or cancelled[0].startswith("--name=small-probe-"))
 

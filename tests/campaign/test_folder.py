@@ -4,12 +4,14 @@ import errno
 import fcntl
 import os
 import socket
+import time
 
 import h5py
 import pytest
 from campaign_cases import finish, make_small
 
 from campaign import files, folder
+from campaign.engine_local import run_missing
 from campaign.folder import OWNER, HeldError, RunError, exclusive, folder_lock, is_locked, record_sum, recorded_sums
 from campaign.products import run_statuses
 
@@ -73,6 +75,33 @@ def test_only_the_file_of_a_dead_process_of_this_machine_is_taken_over(tmp_path,
         with pytest.raises(HeldError), exclusive(lock):
             pass
         assert owner.read_text() == living
+
+
+def test_the_lock_of_another_host_is_refused_with_all_that_one_needs_to_judge_it(tmp_path, without_locks):
+    lock = tmp_path / ".lock"
+    lock.touch()
+    owner = lock.with_name(f".lock{OWNER}")
+    owner.write_text("17 on node3, begun 5")
+    three_hours_ago = time.time() - 3 * 3600
+    os.utime(owner, (three_hours_ago, three_hours_ago))
+    with pytest.raises(RunError) as refused, folder_lock(tmp_path):
+        pass
+    told = f"(process 17 on node3, which took it 3.0 h ago; if it has ended, delete {owner})"
+    assert str(refused.value) == f"{tmp_path}: another `run` is at work here {told}"
+
+
+def test_a_run_that_another_host_may_work_on_is_mentioned_and_its_places_are_free(small, without_locks, capsys):
+    """Places for runs at once belong to one `run`; runs would wait for ever for one that a dead host has left."""
+    run_id = small.rows[-1].run_id
+    lock, place = small.folder / "products" / f".{run_id}.lock", small.folder / "batch" / "slot_0.lock"
+    place.parent.mkdir(exist_ok=True)
+    for path in (lock, place):
+        path.touch()
+        path.with_name(path.name + OWNER).write_text("17 on node3, begun 5")
+    assert run_missing(small.config, small.folder, small.rows, quiet=True) == 0
+    line = f"{run_id}: runs in process 17 on node3, which took it 0 s ago; if it has ended, delete {lock}{OWNER}"
+    assert line in capsys.readouterr().err
+    assert lock.with_name(lock.name + OWNER).exists() and not place.with_name(place.name + OWNER).exists()
 
 
 def test_a_link_in_place_of_a_lock_is_not_followed(tmp_path):

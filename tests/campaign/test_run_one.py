@@ -1,8 +1,11 @@
 """The supervisor of one run: its exit codes, its environment, and the former name that tasks in a queue still use."""
 
 import os
+import signal
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 import pytest
 from campaign_cases import ROOT, finish, make_small
@@ -32,6 +35,31 @@ def test_exit_codes_are_those_that_yade_batch_and_slurm_scripts_know(module, tmp
     small.fake["faults"] = {small.rows[-1].run_id: "proof"}
     assert exit_code(small.rows[-1]) == FAILED == 1
     assert small.total("failed") == 1 and BUSY == 75
+
+
+def test_a_run_that_is_ended_in_the_moment_in_which_yade_starts_leaves_no_temporary_folder(tmp_path):
+    """The signal comes as soon as the process of YADE is there, before anything else is done."""
+    small = make_small(tmp_path, seconds=60.0)
+    (small.folder / "products").mkdir()
+    code = (
+        "import os, signal, subprocess, sys\n"
+        "class Popen(subprocess.Popen):\n"
+        "    def __init__(self, *words, **options):\n"
+        "        super().__init__(*words, **options)\n"
+        "        print(self.pid, flush=True)\n"
+        "        os.kill(os.getpid(), signal.SIGTERM)\n"
+        "subprocess.Popen = Popen\n"
+        "from campaign.run_one import main\n"
+        "sys.exit(main(['consolidate.py']))\n"
+    )
+    env = small.env(YADE_BATCH=f"batch/consolidate.table:{table_line(0)}", PYTHONPATH=str(ROOT))
+    done = subprocess.run([sys.executable, "-c", code], env=env, cwd=small.folder, capture_output=True, text=True)
+    assert done.returncode == 128 + signal.SIGTERM, done.stderr
+    assert not list((small.folder / "products").glob(".*.tmp"))
+    began = time.monotonic()
+    while Path(f"/proc/{done.stdout.strip()}").exists():
+        assert time.monotonic() - began < 30.0
+        time.sleep(0.05)
 
 
 def test_pages_answer_to_the_names_of_this_machine_only():
