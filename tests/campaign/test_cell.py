@@ -7,9 +7,12 @@ import subprocess
 import sys
 
 import pytest
+import yade_runs
 from paths import ROOT
 
-from campaign.cell import check_cell, reach_of
+from analysis.assembly import make_assembly, write_assembly
+from analysis.runs.run_file import read_run
+from campaign.cell import LOOSER, MEASURED, check_cell, reach_of
 from campaign.config import ConfigError, parse_config
 
 #: Campaign file and the strain at which its cell stops: that of a run for N = 80, the others by the rule with a solid
@@ -53,6 +56,18 @@ def test_what_the_refusal_offers_is_accepted(text):
     check_cell(parse_config(f"{without}{shear}\nstrain_end = {strain}"))
     fewer = base.replace("[assembly]", f"[assembly]\nN = {int(int(number) * 0.9)}")
     assert "thin a cell" in refusal(fewer)
+
+
+@pytest.mark.long
+@pytest.mark.yade
+@pytest.mark.parametrize("distribution", MEASURED)
+def test_the_densest_packing_of_a_grading_is_as_measured(tmp_path, distribution):
+    write_assembly(tmp_path / "assembly.h5", make_assembly(1000, 0.248e-3, 0.174, 1, distribution))
+    row = {"assembly": "assembly.h5", "mu_iso": LOOSER[0][0], "G_p": 25.7e9}
+    done = yade_runs.stage("consolidate", tmp_path, description="densest", **row)
+    assert done.returncode == 0, done.stderr
+    solid = 1.0 / (1.0 + read_run(tmp_path / "densest.h5").record["e"][-1])
+    assert solid == pytest.approx(MEASURED[distribution], rel=0.005)
 
 
 def test_campaigns_in_use_are_accepted():
