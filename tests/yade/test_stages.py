@@ -8,11 +8,12 @@ import shutil
 import h5py
 import numpy as np
 import pytest
+import start_of_shear
 import yade_runs
 
 from analysis.assembly import SHORTEST_EDGE, make_assembly, write_assembly
 from analysis.micromechanics import metrics
-from analysis.runs.peak_critical import stress_ratio
+from analysis.runs.peak_critical import deviator_stress, stress_ratio
 from analysis.runs.run_file import ENDING, read_run, read_snapshot
 
 pytestmark = pytest.mark.yade
@@ -104,6 +105,20 @@ def test_shear_proves_servo_rate_and_energy(folder):
     eta = stress_ratio(run.record["sigma"])
     assert abs(eta[0]) < 0.01 and 0.4 < eta[-1] < 1.4
     np.testing.assert_allclose(run.record["eps_a"][-1], 0.02, atol=0.002)
+
+
+def test_the_deviatoric_stress_does_not_fall_when_the_servo_takes_over(folder):
+    """Sampled every tenth step from the first one on, where the record of a campaign has means over 0.1 % strain."""
+    fine = SHEAR | {"strain_end": 2e-3, "windows": 16}
+    done = yade_runs.stage("shear", folder, description="fine", **fine)
+    assert done.returncode == 0, done.stderr
+    run = read_run(folder / "fine.h5")
+    eps_a, q = run.record["eps_a"], deviator_stress(run.record["sigma"]) / 100e3
+    lowest, scatter = start_of_shear.lowest_and_scatter(eps_a, q)
+    print(
+        f"first sample at a strain of {eps_a[1]:.2g}: lowest q - q at rest {lowest:.3f} sigma_3, scatter {scatter:.3f}"
+    )
+    assert eps_a[1] < 2.5e-4 and not start_of_shear.falls(eps_a, q)
 
 
 def test_energies_are_summed_only_as_far_as_asked(folder):
