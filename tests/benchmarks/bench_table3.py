@@ -2,7 +2,8 @@
 
     python3 tests/benchmarks/bench_table3.py [--N 4000] [--sigma-ln 0.174]      about an hour of CPU; resumable
 
-Rows go to data/benchmarks/table3.csv as they finish; the means beside the paper's are printed at the end.
+Rows go to data/benchmarks/table3.csv as they finish; the means beside the paper's are printed at the end.  Published
+packings of equal spheres, and what a loose state depends on beside friction: bench_equal_spheres.py.
 """
 
 from __future__ import annotations

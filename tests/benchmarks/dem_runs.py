@@ -121,25 +121,28 @@ def assembly(N: int, seed: int, sigma_ln: float = SIGMA_LN, distribution: str = 
     return path
 
 
-def run(stage: str, yade: str = "yade", cpu_limit: int = 7200, **values) -> Path:
+def run(stage: str, yade: str = "yade", cpu_limit: int = 7200, scene: Path | None = None, **values) -> Path:
     """The product of a stage with these parameters (SI), run when missing, for at most cpu_limit seconds of CPU time.
+
+    scene: a script in place of the stage's own.
 
     Raises RunFailed with the stated reason, which is kept as the product is, and RunCrashed, which is not.
     """
-    scene = [] if yade == "yade" else [yade, _sha256([LONG_DOUBLE])]
+    script, *words = _scene(stage, yade) if scene is None else [str(scene)]
+    own = [_sha256([Path(script)])] if scene or words else []
     texts = {k: str(v) for k, v in values.items()}
-    identity = json.dumps([stage, scripts(), texts, *(scene or [yade])], sort_keys=True)
+    identity = json.dumps([stage, scripts(), texts, yade, *own], sort_keys=True)
     name = f"{stage}_{hashlib.sha256(identity.encode()).hexdigest()[:12]}"
     product, failure = BUILD / f"{name}.h5", BUILD / f"{name}.failed.json"
     with _busy[name]:
-        _run_if_missing(stage, yade, name, values, cpu_limit)
+        _run_if_missing([script, *words], yade, name, values, cpu_limit)
     if not product.exists():
         told = json.loads(failure.read_text())
         raise (RunStopped if "cpu_limit" in told else RunFailed)(told["reason"])
     return product
 
 
-def _run_if_missing(stage: str, yade: str, name: str, values: dict, cpu_limit: int) -> None:
+def _run_if_missing(script: list[str], yade: str, name: str, values: dict, cpu_limit: int) -> None:
     """One YADE process for the row, unless its product or its stated failure is there; it dies with this process."""
     product, failure = BUILD / f"{name}.h5", BUILD / f"{name}.failed.json"
     if failure.exists() and json.loads(failure.read_text()).get("cpu_limit", cpu_limit) < cpu_limit:
@@ -160,7 +163,7 @@ def _run_if_missing(stage: str, yade: str, name: str, values: dict, cpu_limit: i
 
         with open(log, "w") as out:
             ended = subprocess.run(
-                [yade, "-n", "-x", "-j1", *_scene(stage, yade)], stdin=subprocess.DEVNULL,
+                [yade, "-n", "-x", "-j1", *script], stdin=subprocess.DEVNULL,
                 env=run_environment() | {"YADE_BATCH": f"{table}:2"}, stdout=out, stderr=subprocess.STDOUT, check=False,
                 preexec_fn=limited,
             )  # fmt: skip
