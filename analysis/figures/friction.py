@@ -11,7 +11,7 @@ from . import panels, style
 
 #: State and quantity of each panel.
 PANELS = (("peak", "eta"), ("critical", "eta"), ("critical", "e"), ("critical", "Z"))
-TITLES = {("peak", "eta"): "peak of every run"}
+TITLES = {("peak", "eta"): "peak of every point"}
 
 
 @style.styled

@@ -26,6 +26,7 @@ HEADINGS = {
     "kernel_width": "kernel width", "spacing_of_points": "spacing of points", "runs_share": "from runs",
     "off_diagonal_pct": "off-diagonal / sigma_1", "eta_windows_pct": "eta, by windows",
     "eta_mean_pct": "eta, of the mean tensor",
+    "mean_bias": "mean bias subtracted", "no_interior_peak": "points without interior peak",
     "lost_probability": "lost probability", "share_of_runs": "share of runs", "shear_runs": "shear runs",
     "target": "error asked for", "claimed_for": "claimed for", "error_all_runs": "against all runs",
     "worst_in": "worst in", "error_surface": "against the surface of all",

@@ -82,6 +82,9 @@ def noise_and_proofs(frames: Frames) -> str:
     if len(frames["stress_axes"]):
         parts.append(page.paragraph(wording.STRESS_AXES))
         parts.append(page.table(frames["stress_axes"], "Axes of the cell and principal axes of stress, in %", digits=2))
+    if len(frames["peak_estimates"]):
+        parts.append(page.paragraph(wording.PEAKS))
+        parts.append(page.table(frames["peak_estimates"], "How the peaks were estimated", digits=2))
     if len(frames["rowe"]):
         parts.append(page.paragraph(wording.ROWE))
         parts.append(page.table(frames["rowe"], "Rowe's ratio at the peak: mean and range over the points", digits=3))

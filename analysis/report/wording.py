@@ -24,14 +24,15 @@ CAPTIONS = {
     "carried by the points against the exact ones.",
     "fig04": "Figure 4. Grading of the assembly that all runs share.",
     "fig05": "Figure 5. Stress ratio: PDFs along axial strain; means with two standard deviations to either side; PDFs "
-    "at the peak of every run and at the critical state, shaded as in Figure 8. Ticks under an axis are the points. "
+    "at the peak of every point and at the critical state, shaded as in Figure 8. Ticks under an axis are the points. "
     "The paper's dense peaks range from 0.6 to 1.2, its loose ones from 0.5 to 0.9, its critical states from 0.5 to "
     "0.8.",
     "fig06": "Figure 6. PDF surfaces of the stress ratio, the densest also in plan. A surface starts where the PDFs of "
     "neighbouring strains overlap; values above the scale are cut off.",
     "fig07": "Figure 7. Peak (triangles) and critical state (circles, at the right) of every point, in stress ratio "
-    "and void ratio. A peak is that of one run. Where a curve has hardly any peak, in loose samples, it is the largest "
-    "fluctuation along a plateau and may lie at any strain.",
+    "and void ratio. The strain of a peak comes from curves that are pooled over all points of a density; its value is "
+    "that of the point's own runs. The strain jumps where the pooled curve has two maxima. Loose samples have hardly "
+    "any peak.",
     "fig08": "Figure 8. Void ratio. The paper: densities differ at the peak and converge at the critical state. "
     "Shaded, here and wherever the PDF of a state is shown: the 95 % band from resampling the pairs alone, without "
     "packing noise. Values above the scale of a surface are cut off.",
@@ -46,9 +47,9 @@ CAPTIONS = {
     "fig14": "Figure 14. Joint PDFs of the critical stress ratio with void ratio and mechanical void ratio. Product "
     "kernels widen the PDFs; the correlation given is that of the points.",
     "fig15": "Figure 15. Joint PDFs of the critical stress ratio with the two coordination numbers.",
-    "fig16": "Figure 16. Not in the paper: peak and critical state along interparticle friction. Every point, and the "
-    "response surface at the modulus that the regression on friction gives, with the 95 % band of the surface and, "
-    "where replicate packings measure it, of packings.",
+    "fig16": "Figure 16. Not in the paper: peak and critical state along interparticle friction. Every point, with its "
+    "peak at the strain that is pooled over the points, and the response surface at the modulus that the regression "
+    "on friction gives, with the 95 % band of the surface and, where replicate packings measure it, of packings.",
 }
 
 
@@ -101,9 +102,16 @@ STRESS_AXES = (
     "where it is mostly noise, and for the mean stress tensor."
 )
 
+PEAKS = (
+    "Peaks: the maximum of a noisy curve is too large. The strain of each peak is therefore taken from curves that are "
+    "pooled over the points of a density by a regression over the two properties. The peak of a point is the smoothed "
+    "value of its own run at this strain. The bias that is left is estimated by simulation with the noise as measured, "
+    "and it is subtracted. All other quantities at the peak are taken at the same strain. The table gives the mean "
+    "bias that was subtracted, and the number of points whose curve is largest at the first or last strain where a "
+    "peak may lie. If fewer than five points have a run, the peak is the maximum of each run's own smoothed curve."
+)
+
 ROWE = (
-    "Peaks: the peak of a run is the maximum of its smoothed stress ratio. The maximum of a noisy curve is too large: "
-    "for a flat curve by about 4 % with 1,000 spheres. Dense packings, whose peak is sharp, are affected least. "
     "Rowe's stress-dilatancy relation compares peak and critical state: (σ1/σ3) at the peak over (1 + D) (σ1/σ3) at "
     "the critical state, with D = −dε_v/dε_a at the peak. It is 1 if the critical friction and the dilatancy explain "
     "the peak."

@@ -167,6 +167,7 @@ def _write_density(file: h5py.File, density: FamilyDensity, strain: np.ndarray, 
         for state, table in states.items():
             for symbol, values in table.items():
                 _write_array(out, f"{place}/{state}/{symbol}", values, symbol)
+    _write_peaks(out, density)
 
 
 def _write_standings(out: h5py.Group, density: FamilyDensity, strain: np.ndarray) -> None:
@@ -180,6 +181,17 @@ def _write_standings(out: h5py.Group, density: FamilyDensity, strain: np.ndarray
     for state in JUDGED_STATES:
         standing = curves_standing(state, strain, curves)
         out.require_group(f"states/{state}").attrs.update(standing=standing.status, standing_reason=standing.reason)
+
+
+def _write_peaks(out: h5py.Group, density: FamilyDensity) -> None:
+    """How the peaks of the points were estimated; beside the states, because every dataset of a state is a quantity."""
+    if "peak" not in density.states:
+        return
+    peaks = density.peaks
+    out["states/peak"].attrs["estimate"] = "single runs" if peaks is None else "pooled over the points"
+    if peaks is not None:
+        _write_array(out, "peak_estimate/bias", peaks.bias, "eta")
+        out["peak_estimate/interior"] = peaks.interior
 
 
 def _write_pdf(

@@ -20,6 +20,7 @@ from ..runs import run_file
 from ..runs.archive import NOTHING, RunSummary, run_summary
 from ..runs.states import RunStates
 from ..surrogates.surrogate import fill
+from .peaks import PooledPeaks, peak_states, pool_peaks
 from .replicates import average
 
 PROPERTIES = ("mu_s", "G_p")
@@ -42,7 +43,7 @@ class FamilyDensity:
     packings one by one; NaN where a run failed.  `probability` (Q,) sums to 1; a point without a run has zero, and the
     nearest point with a run, `bearer` (Q,), has its probability; `lost_probability` is the sum that moved.  `filled`
     marks points (Q,) that were not run, by stage: their values and states are those of the response surface through
-    the others.
+    the others.  `peaks` states where the peaks of the points are; None if each run has the peak of its own curve.
     """
 
     mu_iso: float
@@ -59,6 +60,7 @@ class FamilyDensity:
     errors: dict[str, dict[str, np.ndarray]]
     state_replicates: dict[str, dict[str, np.ndarray]]
     counts: dict[str, int]
+    peaks: PooledPeaks | None
 
 
 @dataclass(frozen=True)
@@ -204,6 +206,11 @@ def _density(
     packings = tuple(sorted({row.packing for row, _ in rows}))
     replicates, extended, state_sets, error_sets = _by_packing(points, packings, rows, strain)
     values = {symbol: average(sets) for symbol, sets in replicates.items()}
+    peaks = pool_peaks(strain, values["eta"], points.x, len(packings)) if values else None
+    if peaks:
+        at_peak, errors = peak_states(strain, replicates, peaks, state_sets["peak"])
+        state_sets["peak"] |= at_peak
+        error_sets["peak"] |= {"eta": errors}
     averages = {state: {s: average(v) for s, v in table.items()} for state, table in state_sets.items()}
     filled = {stage: _not_run(stage, rows, points, spared) for stage in STAGE_STATES}
     for stage, states in STAGE_STATES.items():
@@ -230,6 +237,7 @@ def _density(
         errors={state: {s: _packing_error(v) for s, v in table.items()} for state, table in error_sets.items()},
         state_replicates=state_sets if len(packings) > 1 else {},
         counts=_counts([(row, states) for row, states in rows if row.stage == "shear"], spared),
+        peaks=peaks,
     )
 
 

@@ -55,6 +55,16 @@ class NotReachedError(ResultsError):
 
 
 @dataclass(frozen=True)
+class PeakEstimate:
+    """Peaks that were pooled over the points: `bias` (Q,) that was subtracted from the stress ratio, NaN where a point
+    has no run, and whether the peak is `interior` (Q,), not at the first or last strain where a peak may lie.
+    """
+
+    bias: np.ndarray
+    interior: np.ndarray
+
+
+@dataclass(frozen=True)
 class Response:
     """One response at one density: values (T, Q) over the strains (T,) and the points, and its PDF along strain.
 
@@ -266,6 +276,12 @@ class Results:
     def state_error(self, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> np.ndarray | None:
         """Standard errors (Q,) of a state's values from the fluctuation within the runs, or None if not estimated."""
         return self._beside_state("errors", state, symbol, mu_iso, family)
+
+    def peak_estimate(self, mu_iso: float, family: str = "coupled") -> PeakEstimate | None:
+        """How the peaks of a density were estimated; None if each point has the peak of its own run."""
+        with self._open() as file:
+            group = self._group(file, mu_iso, family).get("peak_estimate")
+            return None if group is None else PeakEstimate(group["bias"][()], group["interior"][()])
 
     def state_replicates(self, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> np.ndarray | None:
         """Values (R, Q) of the single packings behind a state's averages, or None with one packing."""

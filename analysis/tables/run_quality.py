@@ -167,6 +167,26 @@ def rowe(results: Results) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["mu_iso", "points", "dilatancy", "ratio", "lowest", "highest"])
 
 
+def peak_estimates(results: Results) -> pd.DataFrame:
+    """How the peaks were estimated, per family and density.
+
+    `estimate`: pooled over the points, or single runs.  `mean_bias`: mean over the points of what was subtracted from
+    the stress ratio.  `no_interior_peak`: points whose curve is largest at the first or last strain where a peak may
+    lie.  Both are NaN where each run has the peak of its own curve.
+    """
+    rows = []
+    for family in results.families:
+        for mu_iso in results.family_densities(family):
+            peaks = results.peak_estimate(mu_iso, family)
+            if peaks is None:
+                rows.append((family, mu_iso, "single runs", np.nan, np.nan))
+                continue
+            known = np.isfinite(peaks.bias)
+            bias = weighted.mean(peaks.bias[known], weighted.normalised(results.probability(mu_iso, family)[known]))
+            rows.append((family, mu_iso, "pooled over the points", float(bias), int((~peaks.interior[known]).sum())))
+    return pd.DataFrame(rows, columns=["family", "mu_iso", "estimate", "mean_bias", "no_interior_peak"])
+
+
 def probe_checks(results: Results) -> pd.DataFrame:
     """One row: probes, those checked against the static solve of their network, and those that it replaces.
 

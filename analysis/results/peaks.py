@@ -1,0 +1,137 @@
+"""Peak states of a density, estimated from all its points together.
+
+The largest value of a noisy curve is too large.  Therefore the strain of a peak is taken from curves that are pooled
+over the points by a regression over (ln mu_s, ln G_p) and smoothed along ln strain, and each run gives its own smoothed
+value at that strain.  What is left of the bias is estimated by a parametric bootstrap and subtracted: noise as it was
+measured is added to the pooled curves, and the peaks of these are estimated in the same way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..runs.peak_critical import admissible, error_of_fit, local_fits, log_smoother
+from ..surrogates import surrogate
+
+#: Points with a run below which peaks are not pooled; the peak of each single run is kept.
+FEWEST = 5
+#: Noise of the laptop campaign (tests/benchmarks/bench_peaks.py --noise): strain over which the correlation of a run's
+#: own noise, and of the noise that all points of a packing share, falls by the factor e.
+OWN_CORRELATION, SHARED_CORRELATION = 0.022, 0.035
+#: Standard deviation of the shared noise over that of the own noise: SHARED_RATIO exp(-strain / SHARED_DECAY).
+SHARED_RATIO, SHARED_DECAY = 2.0, 0.13
+#: Draws of the bootstrap, and their seed.
+DRAWS, SEED = 100, 1
+#: Strain over which the variance of the noise is averaged.
+VARIANCE_WIDTH = 0.03
+
+
+@dataclass(frozen=True)
+class PooledPeaks:
+    """Peaks of the Q points of a density: `row` (Q,) of the strain grid, and whether it is `interior` (Q,).
+
+    A maximum at the first or last admissible row is not interior.  `bias` (Q,) is subtracted from the stress ratio of
+    the runs at this row; it is NaN for a point without a run.
+    """
+
+    row: np.ndarray
+    interior: np.ndarray
+    bias: np.ndarray
+
+
+def pool_peaks(strain: np.ndarray, eta: np.ndarray, inputs: np.ndarray, packings: int = 1) -> PooledPeaks | None:
+    """Peaks of points at the inputs (Q, 2) [mu_s, G_p in Pa] from their stress ratios eta (T, Q) over strain (T,).
+
+    A column that is not finite is a point without a run.  The shared noise of the bootstrap is that of the mean of so
+    many packings.  None if fewer than FEWEST points have a run.
+    """
+    known = np.isfinite(eta).all(axis=0)
+    if known.sum() < FEWEST:
+        return None
+    order = np.lexsort(inputs.T)  # the draws of the bootstrap must not depend on the order of the points
+    loaded = strain > 0
+    x, mask, s = inputs[order], known[order], strain[loaded]
+    y = eta[np.ix_(loaded, order)]
+    basis = surrogate.fit(x[mask], y[:, mask]).basis(x)
+    regression = np.linalg.pinv(basis[mask])
+    fits, half = local_fits(strain)
+    local, log_smooth = fits[:, 0][np.ix_(loaded, loaded)], log_smoother(s)
+    rows = np.flatnonzero(admissible(strain, half)[loaded])
+
+    peak = _peak_rows(log_smooth @ y[:, mask] @ regression.T @ basis.T, rows)
+    bias = np.full(len(x), np.nan)
+    bias[mask] = _bias(s, y[:, mask], basis[mask], rows, local, log_smooth, packings)
+    place = np.argsort(order)
+    interior = (peak > rows[0]) & (peak < rows[-1])
+    return PooledPeaks(np.flatnonzero(loaded)[peak][place], interior[place], bias[place])
+
+
+def peak_states(
+    strain: np.ndarray, curves: Mapping[str, np.ndarray], peaks: PooledPeaks, single: Mapping[str, np.ndarray]
+) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Peak states (R, Q), by symbol, of the runs of R packings at the pooled peaks, and the standard errors of eta.
+
+    curves: eta and the other responses (R, T, Q) over strain (T,), NaN without a run; each is smoothed as a single run
+    is.  single: p and q (Pa) at the runs' own peaks, which give the lateral stress.
+    """
+    fits, half = local_fits(strain)
+    weights, slopes = fits[peaks.row, 0], fits[peaks.row, 1] / half[peaks.row, None]
+    states = {symbol: np.einsum("qt,rtq->rq", weights, values) for symbol, values in curves.items()}
+    states["eta"] = states["eta"] - peaks.bias
+    states["eps_peak"] = np.where(np.isfinite(states["eta"]), strain[peaks.row], np.nan)
+    if "eps_v" in curves:
+        d_volume = np.einsum("qt,rtq->rq", slopes, curves["eps_v"])
+        states["D_p"] = -d_volume / (1.0 - d_volume / 3.0)
+    if {"p", "q"} <= set(single):
+        lateral = single["p"] - single["q"] / 3.0
+        states["p"] = lateral / (1.0 - states["eta"] / 3.0)
+        states["q"] = states["eta"] * states["p"]
+    errors = np.full(states["eta"].shape, np.nan)
+    for r, q in np.argwhere(np.isfinite(states["eta"])):
+        k = peaks.row[q]
+        errors[r, q] = error_of_fit(strain, curves["eta"][r, :, q], fits[k], half[k], k)
+    return states, errors
+
+
+def _bias(s, y, basis, rows, local, log_smooth, packings):
+    """Bias (K,) of the stress ratio at the pooled peaks of K runs y (T, K), by a parametric bootstrap.
+
+    The truth of the bootstrap are the pooled curves, smoothed twice, because the noise that is left in them makes their
+    peaks too sharp.  What noise adds at the peaks of the truth has no bias and is taken out of each draw.
+    """
+    regression = np.linalg.pinv(basis)
+    surface = y @ regression.T @ basis.T
+    pooled = log_smooth @ log_smooth @ surface
+    freedom = max(y.shape[1] - basis.shape[1], 1)
+    relative = (y - surface) / np.maximum(np.abs(surface), 1e-9)
+    own = np.sqrt(_averaged(s, np.sum(relative**2, axis=1) / freedom))[:, None] * pooled
+    shared = own * (SHARED_RATIO / np.sqrt(packings) * np.exp(-s / SHARED_DECAY))[:, None]
+    own_root, shared_root = (correlation_root(s, length) for length in (OWN_CORRELATION, SHARED_CORRELATION))
+    at_truth = local[_peak_rows(pooled, rows)].T
+    rng = np.random.default_rng(SEED)
+    excess = np.zeros(y.shape[1])
+    for _ in range(DRAWS):
+        noise = own * (own_root @ rng.normal(size=y.shape)) + shared * (shared_root @ rng.normal(size=(len(s), 1)))
+        drawn = pooled + noise
+        peak = _peak_rows(log_smooth @ drawn @ regression.T @ basis.T, rows)
+        excess += np.sum(local[peak].T * drawn - at_truth * noise, axis=0)
+    return excess / DRAWS - pooled[rows].max(axis=0)
+
+
+def correlation_root(strain: np.ndarray, length: float) -> np.ndarray:
+    """Matrix (T, T) that turns independent noise into noise of unit variance with correlation exp(-gap / length)."""
+    gap = np.abs(strain[:, None] - strain)
+    return np.linalg.cholesky(np.exp(-gap / length) + 1e-10 * np.eye(len(strain)))
+
+
+def _peak_rows(curves, rows):
+    return rows[np.argmax(curves[rows], axis=0)]
+
+
+def _averaged(s, variance):
+    """Means of the variance (T,) over VARIANCE_WIDTH of strain."""
+    weight = np.exp(-0.5 * ((s[:, None] - s) / VARIANCE_WIDTH) ** 2)
+    return weight @ variance / weight.sum(axis=1)
