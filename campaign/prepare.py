@@ -216,11 +216,17 @@ def _choose(config: Config) -> tuple[RepresentativePoints, dict[str, Any]]:
     fits = fit.to_dict()
     fits["marginals"] = dict(zip(("mu_s", "G_p"), fits["marginals"], strict=True))
     fits["warnings"] = input_warnings(pairs, dict(zip(("mu_s", "G_p"), fit.marginals, strict=True)), fit.copulas, lines)
+    fits["warnings"] += points.moment_warnings()
     inputs = {
         "source": config.inputs.pairs,
         "pairs": pairs.tolist(),
         **fits,
-        "point_attrs": {"method": points.method, "seed": wanted.seed, "discrepancy": points.discrepancy},
+        "point_attrs": {
+            "method": points.method,
+            "seed": wanted.seed,
+            "discrepancy": points.discrepancy,
+            "moment_errors": points.moment_errors,
+        },
     }
     return points, json.loads(json.dumps(inputs, default=lambda value: np.asarray(value).tolist()))
 

@@ -1,9 +1,10 @@
 """Probability density evolution (PDEM): the PDF of a response from its values at points that carry probabilities.
 
 `evolve` gives the PDF along strain, `state_pdf` that of a single state, `joint_pdf.joint_pdf` that of two responses;
-`weighted` holds the statistics of the points themselves, `bands` their uncertainty.
-Rule: numpy, scipy, `quantities` and `errors_and_files` only; no file and no pandas.  `weighted` and `pdf` need numpy
-alone; what needs scipy is imported on first use, so that a reader of results does not load it.
+`weighted` holds the statistics of the points themselves, `tails` their exceedance probabilities and quantiles with
+intervals, `bands` the uncertainty of PDFs and moments.
+Rule: numpy, scipy, `quantities` and `errors_and_files` only; no file and no pandas.  `weighted`, `tails` and `pdf` need
+numpy alone; what needs scipy is imported on first use, so that a reader of results does not load it.
 """
 
 import importlib

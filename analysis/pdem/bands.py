@@ -132,7 +132,8 @@ def reweighted_moment_bands(
 def with_input_band(pdf: PDF, values: ArrayLike, probabilities: np.ndarray, level: float = LEVEL) -> PDF:
     """The PDF of points with values (T, Q), with a pointwise band low, high (T, X) from probabilities (B, Q).
 
-    The band uses the kernel widths of the PDF; points without a value (NaN) drop out.
+    With kernels of the width of the PDF, the quantiles of the refitted PDFs over their mean are the band over p; points
+    without a value (NaN) drop out.
     """
     values = np.asarray(values, float)
     tails = [0.5 - 0.5 * level, 0.5 + 0.5 * level]
@@ -143,5 +144,8 @@ def with_input_band(pdf: PDF, values: ArrayLike, probabilities: np.ndarray, leve
         path = ((values[k, known] - edge) / dx)[:, None]
         width = np.full(len(path), pdf.shown_width[k] / dx)
         kernels = evolution.translate(path, np.ones_like(path), width, pdf.p.shape[1]) / dx
-        low[k], high[k] = np.quantile(probability @ kernels, tails, axis=0)
+        refitted = probability @ kernels
+        middle = refitted.mean(axis=0)
+        change = np.quantile(refitted, tails, axis=0) / np.where(middle > 0, middle, 1.0)
+        low[k], high[k] = pdf.p[k] * np.where(middle > 0, change, 1.0)
     return replace(pdf, low=low, high=high)

@@ -2,8 +2,8 @@
 
 Generalised density evolution equation (Li & Chen 2009), one equation per point q:
 dp_q/d eps + h'_q dp_q/dx = 0, p_q(x, 0) = P_q delta(x - h_q(0)); p = sum of p_q.  h'_q does not depend on x, so the
-exact solution is a translation; the TVD scheme solves the same equation on a mesh.  Moments and quantiles come from the
-points directly (sum of P_q h_q^k, see `weighted`); the PDF is for showing.
+exact solution is a translation; the TVD scheme solves the same equation on a mesh.  Moments, quantiles and exceedance
+probabilities come from the points directly (sum of P_q h_q^k, see `weighted` and `tails`); the PDF is for showing.
 """
 
 from __future__ import annotations
@@ -19,12 +19,16 @@ from . import tvd
 from .pdf import PDF, PdemError
 from .weighted import moments, normalised, quantiles
 
-RULES = ("silverman", "spacing", "mesh")
+RULES = ("quarter", "silverman", "spacing", "mesh")
 _SHARP = 1.1  # cells: width of the part of a kernel that is sampled at its point; the rest follows by convolution
 #: Kernel widths kept free between the outermost points and the ends of the grid, both sides together: a normal kernel
 #: cut at six widths loses 2e-9 of its probability.
 _MARGIN = 12
 _NARROWEST = 0.6  # cells: a narrower kernel is not resolved by cell averages
+_QUARTER = 0.6373  # width of the densest quarter of a normal distribution over its standard deviation
+#: Points with one and the same value, to `_SAME` of the range, are an atom if they are at least so many and have at
+#: least so much probability.
+_ATOM_POINTS, _ATOM, _SAME = 3, 0.05, 1e-9
 
 
 def evolve(
@@ -34,10 +38,10 @@ def evolve(
     method: str = "exact",
     bandwidth: ArrayLike | None = None,
     cells: int = 400,
-    limiter: str = "superbee",
+    limiter: str = "minmod",
     rule: str | None = None,
     max_lost: float = 0.5,
-    keep_spread: bool = False,
+    keep_spread: bool | None = None,
 ) -> PDF:
     """PDF of a response along strain from its values at representative points.
 
@@ -59,21 +63,22 @@ def evolve(
         never narrower than 0.6 cells.
     cells : int
         Number of equal cells of the grid, which the data define; at least 64.
-    limiter : {"superbee", "vanleer", "minmod"}
+    limiter : {"minmod", "vanleer", "superbee"}
         Limiter of the method "tvd".
-    rule : {"silverman", "spacing", "mesh"}, optional
-        See `kernel_width`.  By default "silverman" for "exact", and "mesh" for "tvd", which with another rule uses the
-        median over the strains.
+    rule : {"quarter", "silverman", "spacing", "mesh"}, optional
+        See `kernel_width`.  By default "quarter" for "exact", and "mesh" for "tvd", which with another rule uses the
+        median over the strains.  With "quarter", points that share one value (a plateau of the response) get the
+        narrowest kernel, and the others determine the width.
     max_lost : float
         Largest probability that may be lost at a strain.
-    keep_spread : bool
-        Move the points towards their mean by the factor sqrt(1 - b^2/s^2), so that the PDF with kernel width b has the
-        standard deviation s of the points (Silverman 1986, section 6.4); only with "exact".
+    keep_spread : bool, optional
+        Move the points towards their neighbours before the kernels widen them (`sharpened`), so that the PDF keeps the
+        standard deviation of the points nearly.  Only with "exact", where it is the default.
 
     Returns
     -------
     PDF
-        Cell averages p (T, cells) with the mean and the standard deviation of the points.
+        Cell averages p (T, cells), with the mean and the standard deviation of the points and the points themselves.
 
     Raises
     ------
@@ -94,17 +99,25 @@ def evolve(
     probability, lost = _known_probability(h, probability, strain, max_lost)
     if method not in ("exact", "tvd"):
         raise PdemError(f"method {method!r} is not one of exact, tvd")
-    width = _initial_width(h, probability, bandwidth, rule, constant=method == "tvd")
+    if keep_spread and method == "tvd":
+        raise PdemError("keep_spread needs the method exact")
+    own_width = method == "exact" and bandwidth is None and rule in (None, "quarter")
+    atom = _atoms(h, probability) if own_width else np.zeros_like(h, bool)
+    spread = _without(probability, atom)
+    width = _initial_width(h, spread, bandwidth, rule, constant=method == "tvd")
+    only_atoms = np.all(atom | (probability == 0), axis=1)
+    width[only_atoms] = 0.0
     left, dx, width = _grid(h, width, cells)
     mean, std = moments(h, probability)
     path = (_filled(h) - left) / dx
-    if keep_spread:
-        if method == "tvd":
-            raise PdemError("keep_spread needs the method exact")
-        centre = (mean[:, None] - left) / dx
-        path = centre + shrinkage(width, std)[:, None] * (path - centre)
     if method == "exact":
-        mass = translate(path, probability, width / dx, cells)
+        if keep_spread is not False:
+            path = np.where(atom, path, sharpened(path, spread, width / dx, cells))
+        mass = translate(path, spread, width / dx, cells)
+        if len(rows := np.flatnonzero(atom.any(axis=1) & ~only_atoms)):
+            share = np.where(atom, probability, 0.0)[rows]
+            peaks = translate(path[rows], normalised(share), np.full(len(rows), _NARROWEST), cells)
+            mass[rows] += share.sum(axis=1, keepdims=True) * (peaks - mass[rows])
         added = np.zeros(len(h))
     else:
         mass, variance = tvd.transport(path, probability, width[0] / dx, cells, limiter)
@@ -120,6 +133,8 @@ def evolve(
         lost_probability=lost,
         numerical_width=added,
         spacing=point_spacing(h, probability),
+        values=h,
+        probability=probability,
     )
 
 
@@ -136,9 +151,11 @@ def state_pdf(values: ArrayLike, probability: ArrayLike, strain: float = np.nan,
     return replace(pdf, strain=np.array([strain]))
 
 
-def kernel_width(h: np.ndarray, probability: np.ndarray, rule: str = "silverman") -> np.ndarray:
+def kernel_width(h: np.ndarray, probability: np.ndarray, rule: str = "quarter") -> np.ndarray:
     """Kernel width (T,) for values h (T, Q) with normalised probabilities (T, Q), from the data.
 
+    "quarter": 0.9 s n_eff^(-1/5), n_eff = 1 / sum P^2; s is the standard deviation of a normal distribution whose
+    densest quarter is as narrow as that of the points, and at most theirs.  It follows a PDF with several humps.
     "silverman": 0.9 min(std, IQR/1.349) n_eff^(-1/5), n_eff = 1 / sum P^2 (Silverman 1986).
     "mesh": zero, so that the mesh determines the width.
     "spacing": 1.5 times the typical distance between neighbouring points, for smooth responses at regular points, whose
@@ -152,18 +169,29 @@ def kernel_width(h: np.ndarray, probability: np.ndarray, rule: str = "silverman"
     if rule == "mesh":
         return np.zeros(len(h))
     std = moments(h, probability)[1]
-    low, high = quantiles(h, probability, [0.25, 0.75]).T
-    scale = np.where(high > low, np.minimum(std, (high - low) / 1.349), std)
+    if rule == "quarter":
+        levels = quantiles(h, probability, np.linspace(0.05, 0.95, 37))
+        densest = np.min(levels[:, 10:] - levels[:, :-10], axis=1)
+        scale = np.where(densest > 0, np.minimum(std, densest / _QUARTER), std)
+    else:
+        low, high = quantiles(h, probability, [0.25, 0.75]).T
+        scale = np.where(high > low, np.minimum(std, (high - low) / 1.349), std)
     return 0.9 * scale * np.sum(probability**2, axis=1) ** 0.2
 
 
-def shrinkage(width: np.ndarray, std: np.ndarray) -> np.ndarray:
-    """Factor (T,) on the distances to the mean so that points of standard deviation `std` keep it under their kernels.
+def sharpened(path: np.ndarray, probability: np.ndarray, width: np.ndarray, cells: int) -> np.ndarray:
+    """Points (T, Q) moved by width^2/2 times the slope of ln p, where p is their PDF with kernels of this width.
 
-    width, std (T,): kernel width and standard deviation of the points; the factor is sqrt(1 - width^2 / std^2).
+    Lengths are in cells.  Kernels around the moved points have a bias of the order of width^4 in place of width^2 (Choi
+    and Hall 1999).  The mean is kept.  path (T, Q), probability (T, Q) normalised, width (T,) >= 0.5.
     """
-    varying = std > 0
-    return np.sqrt(np.maximum(1.0 - np.where(varying, width / np.where(varying, std, 1.0), 0.0) ** 2, 0.0))
+    slope = np.gradient(np.log(translate(path, probability, width, cells) + 1e-300), axis=1)
+    at = np.clip(path - 0.5, 0.0, cells - 1.0)
+    home = np.minimum(at.astype(np.int64), cells - 2)
+    one, two = (np.take_along_axis(slope, home + side, axis=1) for side in (0, 1))
+    width = width[:, None]
+    shift = np.clip(0.5 * width**2 * (one + (at - home) * (two - one)), -width, width)
+    return path + shift - np.sum(probability * shift, axis=1, keepdims=True)
 
 
 def point_spacing(h: np.ndarray, probability: np.ndarray) -> np.ndarray:
@@ -193,6 +221,30 @@ def translate(path: np.ndarray, probability: np.ndarray, width: np.ndarray, cell
         smooth = fft.irfft(fft.rfft(sharp, size, axis=1) * rest, size, axis=1)[:, : n * cells]
         mass[rows] = np.maximum(smooth, 0.0).reshape(len(rows), cells, n).sum(axis=2)
     return mass / mass.sum(axis=1, keepdims=True)
+
+
+def _atoms(h: np.ndarray, probability: np.ndarray) -> np.ndarray:
+    """True (T, Q) for points whose value is that of several others which together have a notable probability."""
+    known = np.where(probability > 0, h, np.inf)
+    order = np.argsort(known, axis=1)
+    ranked = np.take_along_axis(known, order, axis=1)
+    span = np.nanmax(np.where(probability > 0, h, np.nan), axis=1) - ranked[:, 0]
+    with np.errstate(invalid="ignore"):
+        step = ~(np.diff(ranked, axis=1) <= _SAME * span[:, None])
+    group = np.cumsum(np.concatenate([np.ones((len(h), 1), bool), step], axis=1), axis=1)
+    group += (h.shape[1] + 1) * np.arange(len(h))[:, None]
+    weight = np.take_along_axis(probability, order, axis=1)
+    share = np.bincount(group.ravel(), weight.ravel())[group]
+    count = np.bincount(group.ravel(), (weight > 0).ravel())[group]
+    atom = np.empty_like(step, shape=h.shape)
+    np.put_along_axis(atom, order, (share >= _ATOM) & (count >= _ATOM_POINTS) & (weight > 0), axis=1)
+    return atom
+
+
+def _without(probability: np.ndarray, atom: np.ndarray) -> np.ndarray:
+    """Probabilities (T, Q) normalised over the points outside atoms, or as they are where there is no such point."""
+    rest = np.where(atom, 0.0, probability)
+    return normalised(np.where(rest.sum(axis=1, keepdims=True) > 0, rest, probability))
 
 
 def _spread(path: np.ndarray, probability: np.ndarray, cells: int) -> np.ndarray:
@@ -259,7 +311,7 @@ def _initial_width(
 ) -> np.ndarray:
     """Kernel width (T,) as given, or by the rule; with `constant` one number for all strains."""
     if bandwidth is None:
-        width = kernel_width(h, probability, rule or ("mesh" if constant else "silverman"))
+        width = kernel_width(h, probability, rule or ("mesh" if constant else "quarter"))
         return np.full(len(h), np.median(width)) if constant else width
     width = np.asarray(bandwidth, float)
     if not np.all(np.isfinite(width)) or not np.all(width >= 0) or width.shape not in ((), (len(h),)):

@@ -1,6 +1,6 @@
 """Joint PDF of two responses at one strain or state: the decoupled M-PDEM (Eq. 15; Lyu et al. 2024).
 
-p(x1, x2) = sum over q of p1_q(x1) p2_q(x2) / P_q.  Product kernels reduce the correlation, by the factor
+p(x1, x2) = sum over q of p1_q(x1) p2_q(x2) / P_q.  Product kernels reduce the correlation, by about the factor
 sqrt((1 - b1^2/s1^2)(1 - b2^2/s2^2)) if the spread is kept.  The reported correlation and the conditional mean therefore
 come from the points.
 """
@@ -100,7 +100,7 @@ def joint_pdf(
     second = evolution.state_pdf(two, probability, bandwidth=bandwidth2, **options)
     one, two = one[both], two[both]
     probability = normalised(np.asarray(probability, float)[both])
-    k1, k2 = _kernels(one, first, keep_spread), _kernels(two, second, keep_spread)
+    k1, k2 = (_kernels(*pair, probability, keep_spread) for pair in ((one, first), (two, second)))
     mass = _with_marginals((k1.T * probability) @ k2, first.p[0] * first.dx[0], second.p[0] * second.dx[0])
     return JointPDF(
         x1=first.x,
@@ -110,7 +110,7 @@ def joint_pdf(
         second=second,
         correlation=_correlation(one, two, probability),
         rank_correlation=_correlation(_ranks(one, probability), _ranks(two, probability), probability),
-        diluted_correlation=_diluted(one, two, probability, first, second, keep_spread),
+        diluted_correlation=_diluted(mass, first.x, second.x),
         mutual_information=_mutual_information(mass),
         lost_probability=float(first.lost_probability[0]),
         values1=one,
@@ -144,13 +144,13 @@ def _correlation(one: np.ndarray, two: np.ndarray, probability: np.ndarray) -> f
     return float(probability @ (off1 * off2) / spread) if spread > 0 else float("nan")
 
 
-def _kernels(values: np.ndarray, pdf: PDF, keep_spread: bool) -> np.ndarray:
+def _kernels(values: np.ndarray, pdf: PDF, probability: np.ndarray, keep_spread: bool) -> np.ndarray:
     """Probability (Q, X) of every cell from the kernel of each point alone."""
     dx = pdf.dx[0]
+    path, width = (values[None] - pdf.x[0]) / dx + 0.5, pdf.bandwidth / dx
     if keep_spread:
-        values = pdf.mean + evolution.shrinkage(pdf.bandwidth, pdf.std) * (values - pdf.mean)
-    path = (values[:, None] - pdf.x[0]) / dx + 0.5
-    return evolution.translate(path, np.ones_like(path), np.full(len(path), pdf.bandwidth[0] / dx), len(pdf.x))
+        path = evolution.sharpened(path, probability[None], width, len(pdf.x))
+    return evolution.translate(path.T, np.ones_like(path.T), np.full(len(values), width[0]), len(pdf.x))
 
 
 def _with_marginals(mass: np.ndarray, one: np.ndarray, two: np.ndarray) -> np.ndarray:
@@ -168,15 +168,10 @@ def _ranks(values: np.ndarray, probability: np.ndarray) -> np.ndarray:
     return (np.cumsum(step) - 0.5 * step)[index]
 
 
-def _diluted(
-    one: np.ndarray, two: np.ndarray, probability: np.ndarray, first: PDF, second: PDF, keep_spread: bool
-) -> float:
-    """Correlation of the joint PDF, which is smaller than that of the points because of the kernels."""
-    factor = 1.0
-    for pdf in (first, second):
-        v, b = pdf.std[0] ** 2, pdf.bandwidth[0] ** 2
-        factor *= evolution.shrinkage(pdf.bandwidth, pdf.std)[0] if keep_spread else np.sqrt(v / (v + b))
-    return float(_correlation(one, two, probability) * factor)
+def _diluted(mass: np.ndarray, x1: np.ndarray, x2: np.ndarray) -> float:
+    """Correlation of the joint PDF with probabilities (X1, X2), which the kernels reduce below that of the points."""
+    one, two = np.meshgrid(x1, x2, indexing="ij")
+    return _correlation(one.ravel(), two.ravel(), normalised(mass.ravel()))
 
 
 def _mutual_information(mass: np.ndarray) -> float:

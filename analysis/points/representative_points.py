@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 VARIABLES = ("mu_s", "G_p")
+#: Largest errors of the moments that a set of points may have without a warning: relative ones of means and standard
+#: deviations, absolute ones of correlations.
+MEAN_LIMIT, STD_LIMIT, CORRELATION_LIMIT = 0.01, 0.03, 0.03
 CSV_COLUMNS = ("id", "mu_s", "G_p", "G_p_GPa", "probability")
 
 
@@ -39,9 +42,10 @@ class Point(NamedTuple):
 class RepresentativePoints:
     """Points x (n, d) in SI units, columns mu_s and G_p (Pa), with probabilities (n,) that sum to 1.
 
-    `id` (n,) numbers them, by default 0 to n - 1.  `discrepancy` is the GF-discrepancy of each marginal; `method`,
-    `seed` and `nested` say how the points were made.  Raises PointsError if the arrays do not belong together, or if a
-    probability is negative or their sum is not 1.
+    `id` (n,) numbers them, by default 0 to n - 1.  `discrepancy` is the GF-discrepancy of each marginal.
+    `moment_errors` are the errors against the joint distribution, if known: of the means, then of the standard
+    deviations (both relative), then of the correlations.  `method`, `seed` and `nested` say how the points were made.
+    Raises PointsError if the arrays do not belong together, or if a probability is negative or their sum is not 1.
     """
 
     x: np.ndarray
@@ -51,6 +55,7 @@ class RepresentativePoints:
     discrepancy: tuple[float, ...] = ()
     nested: bool = False
     id: np.ndarray = field(default_factory=lambda: np.empty(0, int))
+    moment_errors: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
         x, probability = np.asarray(self.x, float), np.asarray(self.probability, float)
@@ -95,6 +100,22 @@ class RepresentativePoints:
         """Particle shear modulus (n,), Pa."""
         return self.x[:, 1]
 
+    def moment_warnings(self) -> list[str]:
+        """One line if moments differ from those of the joint distribution by more than a limit: which, how much."""
+        d = self.x.shape[1]
+        names = VARIABLES if d == len(VARIABLES) else tuple(f"x{i + 1}" for i in range(d))
+        limits = [(f"mean of {name}", MEAN_LIMIT, ".1%") for name in names]
+        limits += [(f"standard deviation of {name}", STD_LIMIT, ".1%") for name in names]
+        pairs = [(one, two) for i, one in enumerate(names) for two in names[i + 1 :]]
+        limits += [(f"correlation of {one} and {two}", CORRELATION_LIMIT, ".2f") for one, two in pairs]
+        lost = [
+            f"{name} {error:+{form}} (limit {limit:{form}})"
+            for (name, limit, form), error in zip(limits, self.moment_errors, strict=bool(self.moment_errors))
+            if abs(error) > limit
+        ]
+        text = f"points: the {self.n} points do not carry all moments of the inputs; errors: {', '.join(lost)}"
+        return [text] if lost else []
+
     def columns(self) -> dict[str, np.ndarray]:
         """Name -> column (n,): id, mu_s, G_p (Pa), probability, as in results.h5."""
         return {name: self[name] for name in ("id", *VARIABLES, "probability")}
@@ -129,10 +150,11 @@ class RepresentativePoints:
         """A JSON-ready dictionary."""
         record = {name: getattr(self, name) for name in ("method", "seed", "nested")}
         arrays = {name: getattr(self, name).tolist() for name in ("x", "probability", "id")}
-        return record | arrays | {"discrepancy": list(self.discrepancy)}
+        return record | arrays | {name: list(getattr(self, name)) for name in ("discrepancy", "moment_errors")}
 
     @staticmethod
     def from_dict(data: dict) -> RepresentativePoints:
         """The inverse of to_dict."""
         arrays = {name: np.array(data[name]) for name in ("x", "probability", "id") if name in data}
-        return RepresentativePoints(**{**data, **arrays, "discrepancy": tuple(data["discrepancy"])})
+        errors = {name: tuple(data.get(name, ())) for name in ("discrepancy", "moment_errors")}
+        return RepresentativePoints(**{**data, **arrays, **errors})

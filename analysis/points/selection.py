@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from scipy import special
 
 from ..inputs.joint import Joint, bootstrap_joints
-from .discrepancy import gf_discrepancy
+from .discrepancy import gf_discrepancy, moment_errors
 from .moment_matching import calibrated, gauss_rearranged, middles, sheared
 from .representative_points import PointsError, RepresentativePoints
 from .unit_cube import fair_order, kernel_discrepancy, uniform_set
@@ -42,7 +42,8 @@ def select_points(
     method : {"gf", "gf-published", "sobol", "lhs", "mc"}
         "gf": a rank-one lattice in the independent space, then rounds of exact Voronoi probabilities and rearrangement
         in the *physical* marginals onto two-point rules that keep means and variances, a small shear for the
-        correlation, and a smallest change of the probabilities that makes means, variances and covariances exact.
+        correlation, and a smallest change of the probabilities that makes means, variances and covariances exact.  Few
+        points may not carry them all; `moment_errors` and `moment_warnings` of the result then state what differs.
         Points come in an order in which every beginning is a fair set.  "gf-published": Sobol' points and rearrangement
         in the independent space (Chen, Yang and Li 2016).  "sobol", "lhs", "mc": equal probabilities.
     seed : int
@@ -107,7 +108,10 @@ def _points(
 ) -> RepresentativePoints:
     probability = normalised(probability)
     discrepancy = tuple(float(value) for value in gf_discrepancy(x, probability, joint))
-    return RepresentativePoints(x, probability, method, seed, discrepancy, nested)
+    errors = np.concatenate(list(moment_errors(x, probability, joint).values()))
+    return RepresentativePoints(
+        x, probability, method, seed, discrepancy, nested, moment_errors=tuple(float(error) for error in errors)
+    )
 
 
 def normalised(probability: np.ndarray) -> np.ndarray:

@@ -109,6 +109,15 @@ def test_warnings_reach_the_results_and_the_report(tmp_path):
     assert "input_warnings" in inspect.getsource(sections._inputs)
 
 
+def test_plan_warns_of_moments_that_the_points_do_not_carry(tmp_path, capsys, monkeypatch):
+    assert "points: the" not in planned(tmp_path / "a", capsys, None).out
+    monkeypatch.setattr("analysis.points.representative_points.MEAN_LIMIT", -1.0)
+    text = planned(tmp_path / "b", capsys, None).out
+    assert "warning: points: the 8 points do not carry all moments of the inputs; errors: mean of mu_s" in text
+    attrs = json.loads((tmp_path / "b" / "run" / "inputs.json").read_text())["point_attrs"]
+    assert len(attrs["moment_errors"]) == 5 and max(map(abs, attrs["moment_errors"])) < 0.01
+
+
 def test_warnings_change_neither_points_nor_runs(tmp_path, capsys, monkeypatch):
     planned(tmp_path / "a", capsys, None)
     monkeypatch.setattr("analysis.inputs.plausibility.input_warnings", lambda *_: ["one", "two"])

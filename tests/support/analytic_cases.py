@@ -99,12 +99,12 @@ def plain_tvd_loop(path, probability, width: float, cells: int) -> tuple[np.ndar
 
 
 def _plain_step(p, c: float) -> None:
-    """One step in place, flux as in Li & Chen (2009) with superbee."""
+    """One step in place, flux as in Li & Chen (2009) with minmod."""
     jump = np.diff(p)
     upwind = np.concatenate([[0.0], jump[:-1]]) if c > 0 else np.concatenate([jump[1:], [0.0]])
     with np.errstate(divide="ignore", invalid="ignore"):
         r = np.where(jump != 0, upwind / jump, 0.0)
-    phi = np.maximum(0, np.maximum(np.minimum(2 * r, 1), np.minimum(r, 2)))
+    phi = np.maximum(0, np.minimum(r, 1))
     flux = 0.5 * c * (p[:-1] + p[1:]) - 0.5 * abs(c) * jump + 0.5 * (abs(c) - c * c) * phi * jump
     p[:-1] -= flux
     p[1:] += flux

@@ -70,7 +70,7 @@ def test_lost_probability_above_its_limit_is_refused_with_the_numbers():
         ({"rule": "eye"}, "bandwidth rule 'eye'"),
         ({"bandwidth": -1.0}, "bandwidth -1.0 is neither"),
         ({"method": "tvd", "bandwidth": np.ones(40)}, "starts from one bandwidth"),
-        ({"method": "tvd", "limiter": "none"}, "limiter 'none' is not one of superbee"),
+        ({"method": "tvd", "limiter": "none"}, "limiter 'none' is not one of minmod, vanleer, superbee"),
         ({"cells": 10}, "cells = 10 is below 64"),
     ],
 )
@@ -90,7 +90,7 @@ def test_moments_and_quantiles_are_those_of_the_points():
 
 def test_a_given_bandwidth_is_used_and_reported():
     h = adversarial("uneven")
-    pdf = evolution.evolve(h, np.full(30, 1 / 30), STRAIN, bandwidth=0.05)
+    pdf = evolution.evolve(h, np.full(30, 1 / 30), STRAIN, bandwidth=0.05, keep_spread=False)
     assert np.all(pdf.bandwidth == 0.05)
     spread = np.sqrt(np.sum(pdf.p * pdf.x**2 * pdf.dx[:, None], axis=1) - pdf.mean**2)
     within_cell = pdf.dx[0] ** 2 / 12
@@ -109,7 +109,7 @@ def test_state_pdf_is_the_single_strain():
 def test_exact_translation_is_the_sum_of_gaussian_cell_averages(width):
     h = adversarial("crossing")
     probability = np.random.default_rng(5).dirichlet(np.ones(30))
-    pdf = evolution.evolve(h, probability, STRAIN, bandwidth=width, cells=150)
+    pdf = evolution.evolve(h, probability, STRAIN, bandwidth=width, cells=150, keep_spread=False)
     edge = (pdf.edges[:, None, :] - h[:, :, None]) / pdf.bandwidth[:, None, None]
     expected = np.einsum("q,tqx->tx", probability, np.diff(ndtr(edge), axis=2))
     assert np.max(np.abs(pdf.p * pdf.dx[:, None] - expected)) < 2e-9
@@ -127,6 +127,77 @@ def test_random_oscillator_has_its_closed_form(options):
         assert pdf.std[k] == pytest.approx(std, rel=0.01)
         exact = np.diff(oscillator_cdf(pdf.edges[k], times[k]))
         assert np.abs(pdf.p[k] * pdf.dx[k] - exact)[inner].sum() <= 0.06
+
+
+def humps(x) -> np.ndarray:
+    """Distribution function of two normal humps of equal probability."""
+    return 0.5 * ndtr((np.asarray(x) + 1) / 0.15) + 0.5 * ndtr((np.asarray(x) - 1) / 0.15)
+
+
+def at_middles(cdf, n: int = 100) -> np.ndarray:
+    """The n quantiles of a distribution function at the middles of n equal steps."""
+    x = np.linspace(-5, 5, 20001)
+    return np.interp((np.arange(n) + 0.5) / n, cdf(x), x)
+
+
+def l1(pdf, cdf) -> float:
+    return np.abs(pdf.p[0] * pdf.dx[0] - np.diff(cdf(pdf.edges[0]))).sum()
+
+
+def test_the_default_width_follows_two_humps_and_a_single_one():
+    probability = np.full(100, 0.01)
+    for cdf, limit in ((humps, 0.17), (ndtr, 0.04)):
+        found = evolution.state_pdf(at_middles(cdf), probability)
+        assert l1(found, cdf) < limit
+        assert l1(found, cdf) < 0.6 * l1(
+            evolution.state_pdf(at_middles(cdf), probability, rule="silverman", keep_spread=False), cdf
+        )
+
+
+@pytest.mark.parametrize("values", [at_middles(ndtr), np.exp(0.5 * at_middles(ndtr)), at_middles(humps)])
+def test_the_shown_pdf_keeps_the_mean_and_nearly_the_standard_deviation_of_the_points(values):
+    probability = np.full(100, 0.01)
+    error = []
+    for keep in (True, False):
+        pdf = evolution.state_pdf(values, probability, keep_spread=keep)
+        mass = pdf.p[0] * pdf.dx[0]
+        assert mass @ pdf.x == pytest.approx(pdf.mean[0], abs=1e-6)
+        error.append(np.sqrt(mass @ (pdf.x - pdf.mean[0]) ** 2) / pdf.std[0] - 1)
+    assert abs(error[0]) < 0.015 and error[1] > 1.8 * abs(error[0])
+
+
+def test_a_plateau_is_shown_as_a_peak_of_its_probability():
+    values = np.minimum(at_middles(ndtr), 0.5)
+    share = np.mean(values == 0.5)
+    pdf = evolution.state_pdf(values, np.full(100, 0.01))
+    inside = np.abs(pdf.x - 0.5) < 2.5 * pdf.dx[0]
+    assert np.sum(pdf.p[0, inside]) * pdf.dx[0] == pytest.approx(share, abs=0.03)
+    assert 0.1 < pdf.bandwidth[0] < 0.4
+    assert np.sum(pdf.p) * pdf.dx[0] == pytest.approx(1.0, abs=1e-12)
+    blurred = evolution.state_pdf(values, np.full(100, 0.01), rule="silverman")
+    assert np.sum(blurred.p[0, np.abs(blurred.x - 0.5) < 2.5 * blurred.dx[0]]) * blurred.dx[0] < 0.3 * share
+
+
+def test_points_that_share_two_values_are_two_peaks():
+    pdf = evolution.state_pdf(np.repeat([1.0, 2.0], 10), np.full(20, 0.05))
+    assert pdf.bandwidth[0] < pdf.dx[0]
+    for value in (1.0, 2.0):
+        assert np.sum(pdf.p[0, np.abs(pdf.x - value) < 4 * pdf.dx[0]]) * pdf.dx[0] == pytest.approx(0.5, abs=1e-3)
+
+
+def test_two_equal_values_are_no_plateau():
+    values = at_middles(ndtr)
+    values[1] = values[0]
+    assert not evolution._atoms(values[None], np.full((1, 100), 0.01)).any()
+
+
+def test_minmod_is_the_default_limiter_and_wins():
+    path = at_middles(ndtr) * np.linspace(0.1, 1, 40)[:, None]
+    options = ({"limiter": name} for name in ("minmod", "vanleer", "superbee"))
+    pdfs = [evolution.evolve(path, np.full(100, 0.01), np.arange(40.0), "tvd", **o) for o in options]
+    errors = [l1(pdf.at(-1), ndtr) for pdf in pdfs]
+    assert errors[0] < errors[1] < errors[2]
+    assert np.array_equal(pdfs[0].p, evolution.evolve(path, np.full(100, 0.01), np.arange(40.0), "tvd").p)
 
 
 def test_numerical_diffusion_is_reported_and_grows_with_the_path_length():

@@ -35,7 +35,7 @@ def test_shown_correlation_is_diluted_as_predicted(points, keep_spread):
     s2 = np.sqrt(mass.sum(axis=0) @ (joint.x2 - m2) ** 2)
     shown = (joint.x1 - m1) @ mass @ (joint.x2 - m2) / (s1 * s2)
     assert shown == pytest.approx(joint.diluted_correlation, abs=1e-3)
-    assert (s1 == pytest.approx(joint.first.std[0], rel=1e-3)) == keep_spread
+    assert (s1 == pytest.approx(joint.first.std[0], rel=0.02)) == keep_spread
     assert abs(joint.correlation) > abs(joint.diluted_correlation)
 
 

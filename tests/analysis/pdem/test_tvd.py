@@ -36,7 +36,7 @@ def test_error_falls_with_the_second_order_where_the_pdf_is_smooth(limiter):
     assert np.log2(errors[0] / errors[1]) > 1.8
 
 
-@pytest.mark.parametrize("limiter", ["superbee", "vanleer"])
+@pytest.mark.parametrize("limiter", ["superbee", "vanleer", "minmod"])
 def test_a_narrow_pdf_arrives_where_its_path_ends(limiter):
     rng = np.random.default_rng(2)
     path = 60 + 2 * rng.normal(size=(50, 7)).cumsum(axis=0)

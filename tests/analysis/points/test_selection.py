@@ -134,6 +134,25 @@ def test_points_survive_json():
     back = selection.RepresentativePoints.from_dict(json.loads(json.dumps(chosen.to_dict())))
     assert np.array_equal(back.x, chosen.x) and np.array_equal(back.probability, chosen.probability)
     assert (back.method, back.seed, back.discrepancy) == (chosen.method, chosen.seed, chosen.discrepancy)
+    assert back.moment_errors == chosen.moment_errors
+    earlier = {name: value for name, value in chosen.to_dict().items() if name != "moment_errors"}
+    assert selection.RepresentativePoints.from_dict(earlier).moment_errors == ()
+
+
+def test_points_that_cannot_carry_the_moments_say_which_and_by_how_much():
+    heavy = Joint((Marginal("lognormal", {"median": 0.2, "sigma_ln": 1.5}), MODULUS), Copula("gaussian", (0.6,)))
+    for method, n, lost in (("gf", 8, True), ("gf", 100, False), ("mc", 100, True)):
+        chosen = selection.select_points(heavy, n, method)
+        found = errors(chosen, heavy)
+        assert chosen.moment_errors == pytest.approx(np.concatenate(list(found.values())))
+        assert len(chosen.moment_warnings()) == lost
+    [line] = selection.select_points(heavy, 8).moment_warnings()
+    mean = 100 * errors(selection.select_points(heavy, 8), heavy)["mean"][0]
+    assert (
+        abs(mean) > 1
+        and f"the 8 points do not carry all moments of the inputs; errors: mean of mu_s {mean:+.1f}%" in line
+    )
+    assert selection.RepresentativePoints(chosen.x, chosen.probability).moment_warnings() == []
 
 
 @pytest.mark.parametrize(
