@@ -19,7 +19,7 @@ HEADINGS = {
     "before_shear_cov": "before shear (COV)", "difference_pct": "difference (%)", "mean_interval": "mean (95 %)",
     "sd_interval": "sd (95 %)", "G_p_GPa": "G_p (GPa)", "only_mu_s": "only mu_s", "only_G_p": "only G_p",
     "q05": "5%", "q50": "50%", "q95": "95%", "W1_average": "W1, average", "mean_deg": "mean",
-    "q05_points_deg": "5 % of points", "q05_pdf_deg": "5 % of PDF", "run_of_the_largest": "run of the largest",
+    "q05_points_deg": "5 % of points", "run_of_the_largest": "run of the largest",
     "steady_early": "steady early", "core_hours": "core-hours", "mean_steps": "steps, mean",
     "sd_of_points": "spread of points", "run_error": "error of one run",
     "noise_variance_share": "noise, share of variance", "between_packings": "between packings",

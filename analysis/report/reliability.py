@@ -62,7 +62,7 @@ def replay(frames: Frames) -> str:
 def friction_angles(frames: Frames) -> str:
     """HTML of the friction angles with their bands."""
     frame = frames["design"]
-    names = ("mean_deg", "q05_points_deg", "q05_pdf_deg")
+    names = ("mean_deg", "q05_points_deg")
     shown = frame.assign(**{name: [f"{v:.1f} ({a:.1f}–{b:.1f})" if v == v else "withheld" for v, a, b in zip(
         frame[name], frame[f"{name}_low"], frame[f"{name}_high"], strict=True)] for name in names})  # fmt: skip
     caption = "Mean and characteristic friction angles (degrees)"

@@ -70,8 +70,8 @@ class Response:
 
     `probability` (Q,) of the points, of sum 1.  `extended` (T, Q) marks values that continue a run which stopped early
     in the steady state.  `replicates` (R, T, Q) are the single packings behind the averages, or None.  `pdf` holds the
-    PDF on its grid (pdf.p, pdf.x) and what widens it.  `mean` and `std` (T,) are sums over the points, never integrals
-    of the PDF.
+    PDF on its grid (pdf.p, pdf.x), what widens it, and the points behind it.  `mean` and `std` (T,) are sums over the
+    points, never integrals of the PDF.
     """
 
     quantity: Quantity
@@ -190,14 +190,15 @@ class Results:
             base = self._group(file, mu_iso, family)
             group = self._group(file, mu_iso, family, "responses", symbol)
             replicates = base.get(f"replicates/{symbol}")
+            values, probability = group["values"][()], base["weight"][()]
             return Response(
                 quantity=QUANTITIES[symbol],
                 strain=self.strain,
-                values=group["values"][()],
-                probability=base["weight"][()],
+                values=values,
+                probability=probability,
                 extended=group["extended"][()],
                 replicates=None if replicates is None else replicates[()],
-                pdf=PDF.from_hdf5(group),
+                pdf=PDF.from_hdf5(group).with_points(values, probability),
             )
 
     def symbols(self, mu_iso: float, family: str = "coupled") -> tuple[str, ...]:

@@ -241,7 +241,7 @@ def end_distance(samples: Samples, state: str, symbol: str) -> float:
 
 
 def share_within(samples: Samples, state: str, symbol: str, mu_iso: float, low: float, high: float) -> float:
-    """Probability of a range under the points with their kernel, as in the PDF that is shown."""
+    """Probability of a range under the points with kernels of the width of the shown PDF."""
     sample = samples["coupled"]
     k = sample.densities.index(mu_iso)
     values, probability = sample.state(state, symbol)[k], sample.probability[k]

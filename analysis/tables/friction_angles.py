@@ -8,26 +8,25 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from ..pdem import evolution, weighted
+from ..pdem import weighted
 from ..results.reader import Results
 from .columns import with_interval
 from .packing_noise import common_error, values_drawn
 
 #: Probability of the characteristic value.
 CHARACTERISTIC = 0.05
-#: Columns of the table: the mean, and the characteristic value from the points and from the PDF, in degrees.
-NUMBERS = ("mean_deg", "q05_points_deg", "q05_pdf_deg")
+#: Columns of the table: the mean and the characteristic value of the points, in degrees.
+NUMBERS = ("mean_deg", "q05_points_deg")
 
 
 def friction_angle_table(results: Results, n_boot: int = 200, seed: int = 1, family: str = "coupled") -> pd.DataFrame:
     """Mean and characteristic (5 %) friction angles in degrees, per density and state, with 95 % bands.
 
-    The characteristic value is taken twice: from the points, which cannot give less than their lowest value, and from
-    the PDF, whose kernel lowers it and so is on the safe side.  Bands come from n_boot resamples of the points.  Each
-    adds an error that all points of a density share (`packing_noise.common_error`; NaN where it is not known), draws
-    the values at points that were not run, and uses the probabilities under inputs refitted to resampled pairs where
-    these exist.  The angles carry the uncertainty of the mean grain properties of a population; scatter within one
-    deposit is not included.
+    The characteristic value is a quantile of the points, which cannot be less than their lowest value.  Bands come from
+    n_boot resamples of the points.  Each adds an error that all points of a density share
+    (`packing_noise.common_error`; NaN where it is not known), draws the values at points that were not run, and uses
+    the probabilities under inputs refitted to resampled pairs where these exist.  The angles carry the uncertainty of
+    the mean grain properties of a population; scatter within one deposit is not included.
     """
     rng = np.random.default_rng(seed)
     rows = []
@@ -68,8 +67,6 @@ def friction_angle(eta: ArrayLike) -> np.ndarray:
     return np.degrees(np.arcsin(3 * ratio / (6 + ratio)))
 
 
-def _numbers(angle: np.ndarray, probability: np.ndarray) -> tuple[float, float, float]:
+def _numbers(angle: np.ndarray, probability: np.ndarray) -> tuple[float, float]:
     probability = weighted.normalised(probability)
-    of_pdf = evolution.state_pdf(angle, probability, cells=160).quantile(CHARACTERISTIC)[0]
-    of_points = float(weighted.quantile(angle, probability, CHARACTERISTIC))
-    return float(weighted.mean(angle, probability)), of_points, float(of_pdf)
+    return float(weighted.mean(angle, probability)), float(weighted.quantile(angle, probability, CHARACTERISTIC))

@@ -12,7 +12,7 @@ import pytest
 import synthetic_results as synthetic
 from paths import DATA
 
-from analysis.pdem import weighted
+from analysis.pdem import tails, weighted
 from analysis.results.reader import ResultsError, read_results
 
 
@@ -42,6 +42,15 @@ def test_moments_are_sums_over_the_points(campaign):
     assert eta.mean == pytest.approx(exact @ weight, abs=1e-12)
     assert eta.std == pytest.approx(np.sqrt(exact**2 @ weight - (exact @ weight) ** 2), abs=1e-7)
     assert eta.quantile(0.5)[-1] == pytest.approx(weighted.quantile(exact[-1], weight, 0.5))
+
+
+def test_tails_of_a_response_are_those_of_its_points(campaign):
+    points, _, results = campaign
+    pdf, weight = results.response("eta", 0.001).pdf, points.probability
+    exact = synthetic.eta(results.strain[-1:], points.mu_s[:, None], 0.001)[:, 0]
+    threshold = [exact.min(), np.median(exact), exact.max() + 0.01]
+    assert pdf.exceedance(threshold)[-1] == pytest.approx(tails.exceedance(exact, weight, threshold))
+    assert np.all(np.diff(pdf.quantile_interval([0.05, 0.95]), axis=0) >= 0)
 
 
 def test_the_family_with_fixed_friction_has_its_own_points(campaign):
