@@ -107,8 +107,8 @@ def joint() -> pd.DataFrame:
 
 #: Line and label of each setting.
 LINES = {
-    "exact": ("s-", "exact, Silverman's kernel (a campaign)"),
-    "tvd": ("o--", "TVD, superbee"),
+    "exact": ("s-", "exact (a campaign)"),
+    "tvd": ("o--", "TVD, minmod"),
     "exact, spacing": ("^:", 'exact, rule="spacing"'),
 }
 
