@@ -196,10 +196,10 @@ def draw_surface(
     """A 3D surface coloured by height, dark at the top, seen from the side of the far strains."""
     axis.plot_surface(x, y, height, cmap=CONTOUR_MAP, rcount=90, ccount=110, linewidth=0, antialiased=False)
     axis.view_init(elev=34, azim=-58)
-    axis.set_xlabel(labels[0], labelpad=1)
-    axis.set_ylabel(labels[1], labelpad=1)
+    axis.set_xlabel(labels[0], labelpad=3)
+    axis.set_ylabel(labels[1], labelpad=3)
     axis.text2D(0.99, 0.8, "PDF", transform=axis.transAxes, ha="right", fontsize=8)
-    axis.tick_params(labelsize=7, pad=0)
+    axis.tick_params(labelsize=7, pad=3)  # else the labels at the near corner meet
     for side in (axis.xaxis, axis.yaxis, axis.zaxis):
         side.set_major_locator(MaxNLocator(3 if style.is_narrow() else 5))
     axis.set_title(title, y=0.98, loc="left")
