@@ -211,9 +211,9 @@ def repeated(rows: pd.DataFrame, jobs: int) -> pd.DataFrame:
     words = rows["reason"].fillna("").str.split()
     unsure = rows["outcome"].isin(["wrong", "said", "open"]) & (rows["repeats"].fillna(1) < REPEATS)
     off = [k for k in rows.index[unsure] if words[k] and set(words[k]) <= set(SHEARED)]
-    rows = rows.copy()
+    chosen, rows = [cases[_name(rows.loc[k])] for k in off], rows.copy()
     with ThreadPoolExecutor(jobs) as pool:
-        for k, found in zip(off, pool.map(lambda k: _repeats(cases[_name(rows.loc[k])]), off), strict=True):
+        for k, found in zip(off, pool.map(_repeats, chosen), strict=True):
             for name, value in found.items():
                 rows.loc[k, name] = value
     return rows
