@@ -10,8 +10,9 @@ Five packings, three points, three densities in fifteen cases: each point meets 
 All settings of a case start from the same packing at rest, those of another N from their own.  `rate` is a share of the
 rate that a campaign would shear the point at.
 Rows go to data/benchmarks/dem_runs.csv as they finish.  Beside it dem_errors.csv holds bias and scatter of every
-response of every setting against the reference, dem_errors.png shows error against cost, and dem_cost.csv has what the
-paper's campaign costs at these settings.
+response of every setting against the reference, dem_limit.csv the bias against an infinitely slow shear by one
+regression over all rows, dem_errors.png shows error against cost, and dem_cost.csv has what the paper's campaign costs
+at these settings.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ from concurrent.futures import ThreadPoolExecutor
 import pandas as pd
 from bench_rows import append, finished, written
 from dem_cost import costs
-from dem_errors import summarise
+from dem_errors import MAIN, summarise
+from dem_regression import biases
 from dem_runs import ROOT, RunCrashed, RunFailed, chain, row_digest
 
 from analysis.micromechanics.stiffness import StiffnessError
@@ -64,6 +66,7 @@ SETTINGS = {
     "rate / 2": {"rate": 1 / 2},
     "N = 2000": {"N": 2000},
     "rate / 5": {"rate": 1 / 5},
+    "N = 500, rate / 10": {"N": 500, "rate": 1 / 10},
 }
 RESPONSES = {
     "peak": ("eta", "eps_peak", "D_p"),
@@ -113,11 +116,29 @@ def main() -> None:
     if not len(rows):
         sys.exit(f"{ROWS}: no row of this code ({row_digest()})")
     folder = None if args.short else ROWS.parent
+    settings = {name: BASE | values for name, values in SETTINGS.items()}
     summarise(rows, folder)
-    cost = costs(rows, {name: BASE | values for name, values in SETTINGS.items()}, POINTS)
+    limit = against_the_limit(rows, settings)
+    cost = costs(rows, settings, POINTS)
     if folder:
+        limit.to_csv(folder / "dem_limit.csv", index=False, float_format="%.4g")
         cost.to_csv(folder / "dem_cost.csv", index=False, float_format="%.4g")
     print(cost.to_string(index=False, float_format=lambda v: f"{v:.4g}"))
+
+
+def against_the_limit(rows: pd.DataFrame, settings: dict[str, dict]) -> pd.DataFrame:
+    """Bias of base and of the "2%" preset against an infinitely slow shear, by both exponents of the rate; printed."""
+    table = pd.concat([biases(rows, settings, ("base", "N = 500"), exponent) for exponent in (1.0, 0.5)])
+    words = [f"{100 * b:+.1f} ± {100 * h:.1f}" for b, h in zip(table.bias, table.bias_half_width, strict=True)]
+    shown = table.assign(words=words)[table.response.isin((*MAIN, "Z_m_critical"))]
+    print("bias in % against an infinitely slow shear, linear in the rate (exponent 1) or in its root")
+    print(shown.pivot(index=["exponent", "setting", "of"], columns="response", values="words").to_string())
+    print(
+        shown.pivot_table(index="exponent", columns="response", values="aic").to_string(
+            float_format="AIC {:.1f}".format
+        )
+    )
+    return table
 
 
 def cases(args) -> list[tuple]:
