@@ -1,6 +1,6 @@
-"""Response surfaces over (mu_s, G_p): fit, Monte Carlo, variance shares of the inputs, and the stopping rule.
+"""Response surfaces over (mu_s, G_p): fit, distribution of a response, variance shares of the inputs, stopping rule.
 
-`surrogate.fit` gives a `Surrogate`; `monte_carlo`, `sensitivity` and `stopping` use one.
+`surrogate.fit` gives a `Surrogate`; `distribution`, `monte_carlo`, `sensitivity` and `stopping` use one.
 Rule: numpy, scipy, `pdem` and what lies below it; no file and no pandas.  All names are imported on first use.
 """
 
@@ -8,14 +8,14 @@ from ..errors_and_files import lazy_names
 
 _HOMES = {
     "Assessment": ".stopping",
+    "Distribution": ".distribution",
     "Sensitivity": ".sensitivity",
     "Surrogate": ".surrogate",
     "SurrogateError": ".surrogate",
     "assess": ".stopping",
+    "moments_and_quantiles": ".distribution",
     "fill": ".surrogate",
     "fit": ".surrogate",
-    "nested_order": ".stopping",
-    "smoothed": ".surrogate",
 }
 __all__ = list(_HOMES)
 

@@ -22,10 +22,11 @@ def monte_carlo(
     noise: ArrayLike | None = None,
     rng: np.random.Generator | None = None,
 ) -> PDF:
-    """PDF of a response along strain from samples (n, 2) of (mu_s, G_p [Pa]) and a Surrogate.
+    """PDF of a response along strain from samples (n, 2) of (mu_s, G_p [Pa]) and a Surrogate: denoised without `noise`.
 
     strain (T,).  The cells are those of `like`, extended if samples fall outside, or else `cells` equal ones over the
-    range.  noise (T,) adds a normal scatter of that standard deviation (packing noise) to every sample, with `rng`.
+    range.  noise (T,), e.g. `surface.noise`, adds a normal scatter of that standard deviation to every sample,
+    with `rng`: as simulated.
     The PDF is a histogram without a kernel: bandwidth 0, spacing = cell width.  n = 10^6 takes seconds.
     Raises ValueError without samples, if strain does not fit the surface, or for noise without rng.
     """

@@ -1,8 +1,9 @@
-"""Sequential stopping of a campaign: nested order of the points and the claimed error of the PDFs after each batch.
+"""Sequential stopping of a campaign: the claimed error of the denoised PDFs after each batch of points.
 
 The error of a PDF is its Wasserstein-1 distance to the true PDF, divided by the standard deviation of the response.  It
-is estimated from response surfaces drawn from their distribution given the runs so far: their PDFs scatter about the
-fitted one.
+is at most the mean absolute error of f over the inputs, which the claim bounds with surfaces drawn from the model: they
+contain the own noise, what the runs share through their packings, and the error of f itself.  The distance between the
+drawn and the fitted PDF would be too small where f is flat, because the fit's own scatter then widens both.
 """
 
 from __future__ import annotations
@@ -17,10 +18,12 @@ from numpy.typing import ArrayLike
 from scipy.stats import qmc
 
 from . import surrogate
-from .surrogate import FEWEST_RUNS, SAFETY, Surrogate
+from .surrogate import FEWEST_PACKINGS, FEWEST_RUNS, Surrogate
 
 #: (state, quantity) of the responses by which a campaign is judged, at every density of the soil.
 JUDGED = (("peak", "eta"), ("critical", "eta"), ("critical", "e"))
+#: Factor on claimed errors: the model cannot know kinks that lie between the runs.
+SAFETY = 1.1
 
 
 class InputDistribution(Protocol):
@@ -35,6 +38,7 @@ class Assessment:
     """State of a campaign after a batch: runs (points) so far, target error, and whether every response reaches it.
 
     claimed and loo: error of the PDF and leave-one-out error of each response, divided by its standard deviation.
+    unknown: why nothing is claimed; empty if the rule can judge.
     """
 
     runs: int
@@ -42,9 +46,12 @@ class Assessment:
     claimed: dict[str, float]
     loo: dict[str, float]
     reached: bool
+    unknown: str = ""
 
     def sentence(self) -> str:
         """One line with the number of points, the worst response and the target."""
+        if self.unknown:
+            return f"{self.runs} points: the error cannot be judged, because {self.unknown}; {self.target:.1%} asked"
         worst = max(self.claimed, key=lambda name: self.claimed[name])
         verdict = "reached" if self.reached else "not yet reached"
         return f"{self.runs} points: {worst} within {self.claimed[worst]:.1%}, {self.target:.1%} asked, {verdict}"
@@ -55,30 +62,40 @@ def assess(
     responses: Mapping[str, ArrayLike],
     samples: ArrayLike,
     stop_when: str | float = "2%",
+    packing: ArrayLike | None = None,
     rng: np.random.Generator | None = None,
     confidence: float = 0.95,
-    kind: str = "polynomial",
 ) -> Assessment:
-    """Assess the runs so far: inputs (Q, 2), responses {name: (Q,) or (T, Q)}, NaN where a run failed.
+    """Assess the runs so far: inputs (Q, 2), responses {name: (Q,) or (T, Q)}, NaN where a run failed, packing (Q,).
 
-    All responses have the same terms.  samples (n, 2) from the joint inputs, n >= 200 (best: `judged_samples`);
-    stop_when: target error, "2%" or 0.02.  The claimed error of a response is 1.1 times the `confidence` quantile over
-    200 surfaces at its worst strain.  With fewer than 12 usable runs the claimed error is infinite.
+    samples (n, 2) from the joint inputs, n >= 200 (best: `judged_samples`); stop_when: target error, "2%" or 0.02.  The
+    claimed error of a response is 1.1 times the `confidence` quantile over 200 draws at its worst strain.  It is
+    infinite with fewer than 12 usable runs, and with fewer than 3 packings: what all runs share is then not known.
     Raises ValueError for another stop_when.
     """
     target = parse_target(stop_when)
     rng = np.random.default_rng(0) if rng is None else rng
     rows = {name: np.atleast_2d(np.asarray(values, float)) for name, values in responses.items()}
-    usable = {k: v for k, v in rows.items() if np.isfinite(v).sum(axis=1).min() >= FEWEST_RUNS}
+    runs = {name: int(np.isfinite(values).sum(axis=1).min()) for name, values in rows.items()}
+    usable = {name: values for name, values in rows.items() if runs[name] >= FEWEST_RUNS}
+    packings = 1 if packing is None else len(np.unique(packing))
     claimed, loo = dict.fromkeys(rows, float("inf")), dict.fromkeys(rows, float("inf"))
     if usable:
-        surface = surrogate.fit(inputs, np.concatenate(list(usable.values())), kind=kind)
-        errors, residuals = _claims(surface, samples, confidence, rng)
+        model = surrogate.fit(inputs, np.concatenate(list(usable.values())), packing)
+        errors, residuals = _claims(model, samples, confidence, rng)
         ends = np.cumsum([0, *(len(v) for v in usable.values())])
         for name, begin, end in zip(usable, ends[:-1], ends[1:], strict=True):
             claimed[name], loo[name] = float(errors[begin:end].max()), float(residuals[begin:end].max())
+    unknown = ""
+    if len(usable) < len(rows):
+        unknown = (
+            f"{min(runs, key=lambda name: runs[name])} has {min(runs.values())} runs, and {FEWEST_RUNS} are needed"
+        )
+    if packings < FEWEST_PACKINGS:
+        claimed = dict.fromkeys(rows, float("inf"))
+        unknown = f"the runs use {packings} packing{'s' * (packings > 1)}, and {FEWEST_PACKINGS} are needed"
     reached = max(claimed.values()) <= target
-    return Assessment(runs=len(np.asarray(inputs)), target=target, claimed=claimed, loo=loo, reached=reached)
+    return Assessment(len(np.asarray(inputs)), target, claimed, loo, reached, unknown)
 
 
 def parse_target(stop_when: str | float | None) -> float:
@@ -91,28 +108,6 @@ def parse_target(stop_when: str | float | None) -> float:
     if not 0 < value < 1:
         raise ValueError(f"stop_when = {stop_when!r}: expected a share such as '2%' or 0.02")
     return value
-
-
-def nested_order(inputs: ArrayLike, first: ArrayLike | None = None) -> np.ndarray:
-    """Order (Q,) of points (Q, 2) in which every first part covers their range.
-
-    The order begins at the middle; each next point is the one farthest from those before it, in the standardised
-    logarithms of the inputs.  first (Q,): mask of points that come before all others, e.g. those with replicate
-    packings.
-    """
-    if first is not None and np.any(first):
-        is_first = np.asarray(first, bool)
-        all_points = nested_order(inputs)
-        return np.concatenate([all_points[is_first[all_points]], all_points[~is_first[all_points]]])
-    logs = np.log(np.asarray(inputs, float))
-    z = (logs - logs.mean(axis=0)) / np.maximum(logs.std(axis=0), 1e-12)
-    order = [int(np.argmin(np.sum(z**2, axis=1)))]
-    away = np.sum((z - z[order[0]]) ** 2, axis=1)
-    while len(order) < len(z):
-        order.append(int(np.argmax(away)))
-        away = np.minimum(away, np.sum((z - z[order[-1]]) ** 2, axis=1))
-        away[order] = -1.0
-    return np.array(order)
 
 
 def first_batch(points: int) -> int:
@@ -136,17 +131,15 @@ def judged_name(state: str, symbol: str, mu_iso: float) -> str:
 
 
 def _claims(
-    surface: Surrogate, samples: ArrayLike, confidence: float, rng: np.random.Generator, draws: int = 200
+    model: Surrogate, samples: ArrayLike, confidence: float, rng: np.random.Generator, draws: int = 200
 ) -> np.ndarray:
-    """Claimed and leave-one-out errors (2, T) of the rows of the surface, divided by the row's standard deviation."""
-    basis = surface.basis(samples)
-    drawn = surface.draws(draws, rng)
-    errors = np.zeros((2, len(surface.coefficients)))
-    for k, coefficients in enumerate(surface.coefficients):
-        fitted = np.sort(basis @ coefficients)
-        std = fitted.std()
+    """Claimed and leave-one-out errors (2, T) of the rows of the model, divided by the row's standard deviation."""
+    basis = model.basis(samples)
+    drawn = model.draws(draws, rng).coefficients - model.coefficients
+    errors = np.zeros((2, len(model.coefficients)))
+    for k, coefficients in enumerate(model.coefficients):
+        std = (basis @ coefficients).std()
         if std > 0:
-            other = np.sort(drawn[:, k] @ basis.T, axis=1)
-            distance = np.mean(np.abs(other - fitted), axis=1)
-            errors[:, k] = SAFETY * np.quantile(distance, confidence) / std, surface.loo_error[k] / std
+            distance = np.mean(np.abs(drawn[:, k] @ basis.T), axis=1)
+            errors[:, k] = SAFETY * np.quantile(distance, confidence) / std, model.loo_error[k] / std
     return errors

@@ -1,28 +1,25 @@
-"""Regression of responses over (mu_s, G_p), which separates the smooth response from the packing noise of each run.
+"""One model for every response, state and strain: y = f(mu_s, G_p) + packing + own noise of a run.
 
-DEM responses are smooth in the inputs and packing noise is not, so a response surface with the same terms at every
-strain pools all points.  Two kinds: polynomials in the standardised logarithms of the inputs, and a Gaussian process.
+The fit separates what the inputs do (f, "denoised") from what the packing and the run add.  It gives f with its error,
+and the standard deviations of both kinds of noise with their intervals (`mixed_model` has the equations).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors_and_files import GrainScatterError
-from . import regression
+from . import mixed_model
 
-#: Runs below which no error is claimed from a response surface.
-FEWEST_RUNS = 12
-#: Factor on claimed errors: the draws do not include that the terms of the surface were chosen from the same data.
-SAFETY = 1.1
-#: Standard deviations (of the logarithms of the inputs) by which a surface is continued beyond the runs.
-MARGIN = 1.0
-#: Degrees of freedom of a noise that is known from elsewhere: as good as infinite.
-KNOWN = 1e9
+#: Runs below which no error is claimed from a response surface, and runs below which none is fitted.
+FEWEST_RUNS, FEWEST_FITTED = 12, 5
+#: Packings below which the error that the runs share through their packings is not judged.
+FEWEST_PACKINGS = 3
+LEVEL = 0.95
+_DRAWS = 1000
 
 
 class SurrogateError(GrainScatterError):
@@ -30,104 +27,147 @@ class SurrogateError(GrainScatterError):
 
 
 @dataclass(frozen=True)
-class Surrogate:
-    """Response surface of one response at every strain.
+class Draws:
+    """Models that are as plausible as the fitted one, given the runs.
 
-    centre, scale (2,) standardise the logarithms of the inputs; low, high (2,) bound them: beyond a bound the surface
-    has the value at the bound.  terms (M, 2) are the exponents of the polynomial (kind "polynomial"), or the points
-    with correlation lengths `length` (2,) (kind "gp").  coefficients (T, M); covariance (T, M, M) of the coefficients
-    for unit noise; noise (T,) standard deviation of a single run about the surface; dof (T,) degrees of freedom of that
-    estimate; loo (T, Q) leave-one-out residuals, NaN where a run is missing; loo_error (T,) their root mean square.
+    coefficients (n, T, M) of f; noise_packing and noise_own (n, T): standard deviations, as in `Surrogate`; growth
+    (n, T): the own noise is proportional to exp(growth u1), with u1 the standardised ln mu_s.
     """
 
-    kind: str
-    centre: np.ndarray
-    scale: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    terms: np.ndarray
-    length: np.ndarray
+    basis: mixed_model.Basis
     coefficients: np.ndarray
-    covariance: np.ndarray
-    noise: np.ndarray
-    dof: np.ndarray
-    loo: np.ndarray
-    loo_error: np.ndarray
+    noise_packing: np.ndarray
+    noise_own: np.ndarray
+    growth: np.ndarray
 
-    def basis(self, inputs: ArrayLike) -> np.ndarray:
-        """Values (n, M) of the basis functions at the inputs (n, 2)."""
-        z = np.clip((np.log(np.asarray(inputs, float)) - self.centre) / self.scale, self.low, self.high)
-        if self.kind == "polynomial":
-            return regression.powers(z, self.terms)
-        return regression.gp_basis(z, self.terms, self.length)
+    @property
+    def noise(self) -> np.ndarray:
+        """Standard deviations (n, T) of a single run about f."""
+        return np.hypot(np.nan_to_num(self.noise_packing), self.noise_own)
+
+    def __getitem__(self, k: int) -> Draws:
+        """One draw, with coefficients (T, M) and noise (T,)."""
+        return Draws(self.basis, self.coefficients[k], self.noise_packing[k], self.noise_own[k], self.growth[k])
 
     def predict(self, inputs: ArrayLike) -> np.ndarray:
-        """Response (T, n) at the inputs (n, 2) [mu_s, G_p in Pa]."""
+        """f (n, T, m) at the inputs (m, 2)."""
         return self.coefficients @ self.basis(inputs).T
 
-    def draws(self, n: int, rng: np.random.Generator) -> np.ndarray:
-        """Coefficients (n, T, M) drawn from their distribution given the runs.
 
-        They are normal with the covariance for a noise that is itself drawn (scaled inverse chi-square, `dof`).
-        """
-        chi2 = rng.chisquare(self.dof, size=(n, len(self.dof)))
-        scale = self.noise * np.sqrt(self.dof / chi2)
-        root = np.stack([regression.root(c) for c in self.covariance])
-        normal = rng.normal(size=(n, self.coefficients.shape[1]))
-        return self.coefficients + scale[:, :, None] * np.einsum("tmk,nk->ntm", root, normal)
+@dataclass(frozen=True)
+class Surrogate:
+    """Mixed model of rows (T,), e.g. one response at every strain, from runs (Q,).
 
-    def with_known_noise(self, noise: ArrayLike) -> Surrogate:
-        """The surface with a standard deviation `noise` (T,) of a single run that is known, e.g. from replicates."""
-        return replace(self, noise=np.asarray(noise, float), dof=self.dof * 0 + KNOWN)
+    coefficients (T, M): mean of f.  packings: number of packings, 1 where they are not known.  noise_packing (T,) and
+    noise_own (T,): standard deviations that packings add to all their runs and that each run adds by itself; noise (T,)
+    of a single run about f, both together; *_interval (T, 2): their 95 % intervals.  They are root mean squares over
+    the runs: the own noise is proportional to exp(growth u1), growth (T,), with u1 the standardised ln mu_s.  With one
+    packing, noise_packing is not known (NaN), and f contains the effect of this packing.  With one run per packing,
+    only the sum of both is known (`noise`).  loo (T, Q): leave-one-out residuals, NaN where a run is missing; loo_error
+    (T,) their root mean square.
+    """
+
+    basis: mixed_model.Basis
+    coefficients: np.ndarray
+    packings: int
+    noise_packing: np.ndarray
+    noise_own: np.ndarray
+    noise: np.ndarray
+    packing_interval: np.ndarray
+    own_interval: np.ndarray
+    noise_interval: np.ndarray
+    growth: np.ndarray
+    loo: np.ndarray
+    loo_error: np.ndarray
+    parts: list[tuple[np.ndarray, mixed_model.Posterior]]
+
+    @property
+    def knows_packings(self) -> bool:
+        """Whether the error of f contains what the runs share through their packings."""
+        return self.packings >= FEWEST_PACKINGS
+
+    def predict(self, inputs: ArrayLike) -> np.ndarray:
+        """Mean of f (T, n) at the inputs (n, 2) [mu_s, G_p in Pa]."""
+        return self.coefficients @ self.basis(inputs).T
+
+    def draws(self, n: int, rng: np.random.Generator) -> Draws:
+        """n draws of the model from its distribution given the runs."""
+        return _draws(self.basis, self.parts, len(self.coefficients), n, rng)
 
 
-def fit(
-    inputs: ArrayLike, values: ArrayLike, kind: str = "polynomial", max_degree: tuple[int, int] = (4, 2)
-) -> Surrogate:
-    """Response surface through runs at the inputs (Q, 2) [mu_s, G_p in Pa] with the values (T, Q) or (Q,).
+def fit(inputs: ArrayLike, values: ArrayLike, packing: ArrayLike | None = None) -> Surrogate:
+    """Model of runs at the inputs (Q, 2) [mu_s, G_p in Pa] with the values (T, Q) or (Q,).
 
-    "polynomial": among all sets of exponents up to `max_degree`, the one with the least leave-one-out error (relative
-    to the scatter at each strain and pooled over the strains) is used at all strains.  "gp": Gaussian process with a
-    linear mean and an anisotropic squared-exponential kernel; hyperparameters from the likelihood of all strains.
-    A run without a value (NaN) is left out at that strain.  Raises SurrogateError for fewer than 5 runs at a strain,
-    arrays that do not match, inputs that are not positive, or an unknown kind.
+    packing (Q,): the packing of each run, any labels; None: one packing for all.  A run without a value (NaN) is left
+    out at that row.  Raises SurrogateError for fewer than 5 runs at a row, arrays that do not match, or inputs that are
+    not positive.
     """
     inputs, values = np.asarray(inputs, float), np.atleast_2d(np.asarray(values, float))
-    if inputs.ndim != 2 or inputs.shape[1] != 2 or values.shape[1] != len(inputs):
-        raise SurrogateError(f"surrogate: inputs {inputs.shape} and values {values.shape} do not match")
+    labels = np.zeros(len(inputs)) if packing is None else np.asarray(packing)
+    if inputs.ndim != 2 or inputs.shape[1] != 2 or values.shape[1] != len(inputs) or labels.shape != (len(inputs),):
+        raise SurrogateError(
+            f"surrogate: inputs {inputs.shape}, values {values.shape} and packing {labels.shape} do not match"
+        )
     if not np.all(inputs > 0):
         raise SurrogateError(f"surrogate: an input is {inputs.min():g}, all must be positive")
     fewest = int(np.isfinite(values).sum(axis=1).min())
-    if fewest < 5:
-        raise SurrogateError(f"surrogate: one strain has values of {fewest} runs, at least 5 are needed")
-    if kind not in ("polynomial", "gp"):
-        raise SurrogateError(f"surrogate: kind {kind!r} is not one of polynomial, gp")
-    logs = np.log(inputs)
-    centre, scale = logs.mean(axis=0), logs.std(axis=0)
-    scale = np.where(scale > 1e-12 * np.abs(centre), scale, 1.0)
-    z = (logs - centre) / scale
-    best = regression.best_polynomial(z, values, max_degree) if kind == "polynomial" else regression.best_gp(z, values)
-    low, high = z.min(axis=0) - MARGIN, z.max(axis=0) + MARGIN
-    return Surrogate(kind=kind, centre=centre, scale=scale, low=low, high=high, **best)
+    if fewest < FEWEST_FITTED:
+        raise SurrogateError(f"surrogate: one row has values of {fewest} runs, at least {FEWEST_FITTED} are needed")
+    codes = np.unique(labels, return_inverse=True)[1].ravel()
+    basis = mixed_model.basis_of(inputs)
+    patterns, which = np.unique(np.isfinite(values), axis=0, return_inverse=True)
+    loo, parts, separate = np.full(values.shape, np.nan), [], np.zeros(len(values), bool)
+    for k, known in enumerate(patterns):
+        rows, counts = np.flatnonzero(which.ravel() == k), np.unique(codes[known], return_counts=True)[1]
+        separate[rows] = 1 < len(counts) < known.sum()
+        part = mixed_model.posterior(inputs, known, codes[known] if separate[rows[0]] else None,
+                                     values[np.ix_(rows, known)])  # fmt: skip
+        loo[np.ix_(rows, known)] = part.loo
+        parts.append((rows, part))
+    packings = len(np.unique(labels))
+    draws = _draws(basis, parts, len(values), _DRAWS, np.random.default_rng(0), noise_only=True)
+    ends = [0.5 - LEVEL / 2, 0.5, 0.5 + LEVEL / 2]
+    sums = np.quantile(draws.noise, ends, axis=0)
+    of_packing, own = (np.where(separate, np.quantile(np.nan_to_num(noise), ends, axis=0), np.nan)
+                       for noise in (draws.noise_packing, draws.noise_own))  # fmt: skip
+    if packings == 1:
+        own = sums
+    coefficients = np.zeros((len(values), basis.size))
+    for rows, part in parts:
+        coefficients[rows] = part.mean()
+    return Surrogate(
+        basis=basis,
+        coefficients=coefficients,
+        packings=packings,
+        noise_packing=of_packing[1],
+        noise_own=own[1],
+        noise=sums[1],
+        packing_interval=of_packing[[0, 2]].T,
+        own_interval=own[[0, 2]].T,
+        noise_interval=sums[[0, 2]].T,
+        growth=draws.growth.mean(axis=0),
+        loo=loo,
+        loo_error=np.sqrt(np.nanmean(loo**2, axis=1)),
+        parts=parts,
+    )
 
 
-def smoothed(inputs: ArrayLike, values: ArrayLike, **options: Any) -> tuple[np.ndarray, np.ndarray, Surrogate]:
-    """Responses (T, Q) of the surface at the inputs of the runs, the share (T,) of noise in the variance, the surface.
+def _draws(basis, parts, rows, n, rng, noise_only=False):
+    """n draws of all rows; every part has the same random numbers."""
+    seed = int(rng.integers(2**63))
+    coefficients = np.zeros((n, rows, 0 if noise_only else basis.size))
+    noises = np.zeros((3, n, rows))
+    for at, part in parts:
+        coefficients[:, at], *noise = part.draws(n, np.random.default_rng(seed), noise_only)
+        noises[:, :, at] = noise
+    return Draws(basis, coefficients, *noises)
 
-    The share is noise^2 divided by the variance of the values, at most 1; options as in `fit`.
-    """
-    surface = fit(inputs, values, **options)
-    scatter = np.nanvar(np.atleast_2d(values), axis=1, ddof=1)
-    share = np.where(scatter > 0, surface.noise**2 / np.where(scatter > 0, scatter, 1.0), 0.0)
-    return surface.predict(inputs), np.minimum(share, 1.0), surface
 
+def fill(inputs: ArrayLike, values: ArrayLike, packing: ArrayLike | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Values (T, Q) whose missing ones come from f through the others, and their mask (T, Q).
 
-def fill(inputs: ArrayLike, values: ArrayLike, **options: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Values (T, Q) whose missing ones come from the response surface through the others, and their mask (T, Q).
-
-    Options and errors as in `fit`.
+    Arguments and errors as in `fit`.
     """
     values = np.atleast_2d(np.asarray(values, float))
     missing = ~np.isfinite(values)
-    surface = fit(inputs, values, **options)
-    return np.where(missing, surface.predict(inputs), values), missing
+    return np.where(missing, fit(inputs, values, packing).predict(inputs), values), missing

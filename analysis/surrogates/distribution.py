@@ -1,0 +1,136 @@
+"""Moments and quantiles of a response over the inputs, with intervals: denoised and as simulated, and variance shares.
+
+Denoised is the distribution of f(X), what the inputs do.  As simulated is that of f(X) + packing + own noise, what one
+specimen of the simulated size does.  An interval contains the error of f, of the packings and of the noise (draws of
+the model), and that of the inputs where refits of their distribution are given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import special, stats
+
+from ..pdem import weighted
+from .surrogate import LEVEL, Surrogate
+
+QUANTILE_LEVELS = (0.05, 0.5, 0.95)
+#: Values of the noise per sample, one from each of as many equally probable parts of its distribution.
+_STRATA = 4
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Values (T, S) with the bounds low and high (T, S) of their 95 % intervals."""
+
+    value: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """Columns of `denoised` and `as_simulated`: mean, standard deviation, then the quantiles at `levels`.
+
+    shares: columns inputs, packing, own noise, as shares of the variance as simulated; NaN where packing and own noise
+    are not separated.
+    """
+
+    levels: tuple[float, ...]
+    denoised: Estimate
+    as_simulated: Estimate
+    shares: Estimate
+
+
+def moments_and_quantiles(
+    model: Surrogate,
+    samples: ArrayLike,
+    probability: ArrayLike | None = None,
+    levels: Sequence[float] = QUANTILE_LEVELS,
+    refits: ArrayLike | None = None,
+    pairs: int | None = None,
+    n: int = 400,
+    rng: np.random.Generator | None = None,
+) -> Distribution:
+    """Distribution of every row of the model over samples (m, 2) of the inputs, or points with probability (m,).
+
+    refits: for the error of the inputs, either samples (B, m, 2) of refitted distributions (common random numbers
+    reduce the scatter) or probabilities (B, m) of the same points; pairs: the number of measured pairs behind them.
+    The bootstrap of few pairs is too narrow: the deviations of the refits are multiplied by Student's t over the normal
+    quantile, and by sqrt(n / (n - 1)), with n pairs.
+    An interval of a mean or quantile is symmetric about the estimate, that of a standard deviation in its logarithm;
+    its half width is the larger distance of the two quantiles of the draws.  The reason is that draws of f on a plateau
+    scatter to one side of the estimate only.
+    Raises ValueError for refits of another shape, or refits without pairs.
+    """
+    rng = np.random.default_rng(0) if rng is None else rng
+    samples = np.asarray(samples, float)
+    equal = np.full(len(samples), 1.0 / len(samples))
+    weight = equal if probability is None else weighted.normalised(probability)
+    inside = (rng.permutation(len(samples)) + 0.5) / len(samples)
+    noise = special.ndtri((np.arange(_STRATA)[:, None] + inside) / _STRATA)
+    basis = model.basis(samples)
+    centre = _statistics(model, basis, noise, weight, levels)
+    drawn = model.draws(n, rng)
+    found = np.stack([_statistics(drawn[k], basis, noise, weight, levels) for k in range(n)])
+    off = found - centre
+    if refits is not None:
+        refits = np.asarray(refits, float)
+        if pairs is None or pairs < 2 or refits.shape[1] != len(samples) or refits.ndim > 3:
+            raise ValueError(f"refits {refits.shape} of {pairs} pairs do not fit {len(samples)} samples")
+        parts = []
+        for k, refit in enumerate(refits):
+            at, weights = (basis, weighted.normalised(refit)) if refit.ndim == 1 else (model.basis(refit), equal)
+            parts.append(_statistics(drawn[k % n], at, noise, weights, levels) - found[k % n])
+        of_inputs = np.stack(parts)[np.arange(n) % len(parts)]
+        wide = stats.t.ppf(0.5 + LEVEL / 2, pairs - 1) / stats.norm.ppf(0.5 + LEVEL / 2)
+        off = off + wide * np.sqrt(pairs / (pairs - 1)) * (of_inputs - of_inputs.mean(axis=0))
+    half = np.abs(np.quantile(off, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], axis=0)).max(axis=0)
+    denoised, simulated = (Estimate(*(_shown(part) for part in (c, c - h, c + h)))
+                           for c, h in zip(centre, half, strict=True))  # fmt: skip
+    return Distribution(tuple(levels), denoised, simulated, _shares(model, drawn, found))
+
+
+def _statistics(model, basis, noise, weight, levels):
+    """Mean, log of the standard deviation and quantiles (2, T, S), denoised and as simulated.
+
+    model: the fitted one or a draw; basis (m, M) at the samples; noise (strata, m): standard normals.
+    """
+    f = model.coefficients @ basis.T
+    packing = np.nan_to_num(model.noise_packing)[:, None]
+    own = np.sqrt(model.noise[:, None] ** 2 - packing**2) * model.basis.growth(basis[:, 1], model.growth)
+    scatter = np.hypot(own, packing)
+    noisy = (f[:, None, :] + scatter[:, None, :] * noise).reshape(len(f), -1)
+    mean, sd = weighted.moments(f, weight)
+    with np.errstate(divide="ignore"):
+        moments = [[mean, np.log(sd)], [mean, 0.5 * np.log(sd**2 + scatter**2 @ weight)]]
+    quantiles = [_quantiles(f, weight, levels), _quantiles(noisy, np.tile(weight, len(noise)) / len(noise), levels)]
+    return np.stack([np.column_stack([*m, q]) for m, q in zip(moments, quantiles, strict=True)])
+
+
+def _quantiles(values, weight, levels):
+    """`weighted.quantiles`, faster for equal weights."""
+    if np.ptp(weight) > 0:
+        return weighted.quantiles(values, weight, levels)
+    return np.quantile(values, levels, axis=1, method="hazen").T
+
+
+def _shown(statistics: np.ndarray) -> np.ndarray:
+    """Statistics (T, S) with the standard deviation in place of its logarithm."""
+    shown = statistics.copy()
+    shown[:, 1] = np.exp(shown[:, 1])
+    return shown
+
+
+def _shares(model, drawn, found):
+    """Shares of the variance of inputs, packing and own noise, with intervals from draws (n, 2, T, S)."""
+    of_inputs = np.exp(2 * (found[:, 0, :, 1] - found[:, 1, :, 1]))
+    total = np.maximum(np.exp(2 * found[:, 1, :, 1]), 1e-300)
+    packing = drawn.noise_packing**2 / total
+    own = 1.0 - of_inputs - packing
+    separated = np.isfinite(model.noise_packing)
+    parts = np.stack([of_inputs, packing, np.where(separated, own, np.nan)], axis=-1)
+    return Estimate(*np.quantile(parts, [0.5, 0.5 - LEVEL / 2, 0.5 + LEVEL / 2], axis=0))
