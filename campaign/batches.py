@@ -1,7 +1,7 @@
 """Sequential stopping: run points in batches until the estimated error of the PDFs is below the target.
 
-With `pdem.stop_when` set, the points run in an order in which every beginning covers their range; points with replicate
-packings come first. After each batch the stress ratio at the peak, and the stress ratio and the void ratio at the
+With `pdem.stop_when` set, the points run in an order in which every beginning covers their range and uses the packings
+evenly. After each batch the stress ratio at the peak, and the stress ratio and the void ratio at the
 critical state, are judged (`analysis.surrogates.stopping`). tables/enough.json keeps the order, the current batch and
 every judgement. A decision to stop is valid as long as the planned runs and the target stay the same.
 """
@@ -100,12 +100,11 @@ def _begin(config: Config, folder: Path, rows: Sequence[PlannedRun]) -> dict[str
     import numpy as np
 
     from analysis.surrogates import stopping
+    from analysis.surrogates.rotation import nested_order
 
     inputs = _inputs(rows)
     ids = np.array(sorted(inputs))
-    packings = {point: {row.packing for row in rows if row.point == point} for point in inputs}
-    has_replicates = [len(packings[k]) > 1 for k in ids]
-    order = ids[stopping.nested_order([inputs[k] for k in ids], has_replicates)].tolist()
+    order = ids[nested_order([inputs[k] for k in ids])].tolist()
     note = {"runs": _digest(rows), "target": config.pdem.stop_when, "order": order, "claimed": {}, "reached": False,
             "used": stopping.first_batch(len(order)), "history": []}  # fmt: skip
     write_json(folder / NOTE, note)
@@ -122,11 +121,12 @@ def _judge(
     from analysis.surrogates import stopping
 
     used = note["order"][: note["used"]]
-    inputs = _inputs(needed)
+    inputs, packing = _inputs(needed), {row.point: row.packing for row in needed if row.stage == "shear"}
     joint = Joint.from_dict(read_inputs(folder)["joint"])
     samples = stopping.judged_samples(joint)
     responses = _responses(folder, needed, used)
-    assessment = stopping.assess(np.array([inputs[k] for k in used]), responses, samples, note["target"])
+    x, seeds = np.array([inputs[k] for k in used]), np.array([packing[k] for k in used])
+    assessment = stopping.assess(x, responses, samples, note["target"], seeds)
     sentence = assessment.sentence()
     show(f"{config.name}: {sentence}")
     claimed = {name: value if math.isfinite(value) else None for name, value in assessment.claimed.items()}
@@ -137,29 +137,27 @@ def _judge(
 
 
 def _responses(folder: Path, needed: Sequence[PlannedRun], used: list[int]) -> dict[str, np.ndarray]:
-    """The judged responses, {name: (points used,)}: averaged over packings as in results.h5, NaN if all runs failed.
+    """The judged responses, {name: (points used,)}, NaN where the run failed.
 
     The second family, with mu_s fixed, runs at the same points and is not judged: its scatter is little more than that
     of the packings.
     """
     import numpy as np
 
-    from analysis.results.replicates import average
     from analysis.runs.archive import Archive
     from analysis.surrogates.stopping import JUDGED, judged_name
 
     shear_rows = [row for row in needed if row.stage == "shear" and row.family == "coupled"]
-    packings = sorted({row.packing for row in shear_rows})
-    by_packing: dict[str, np.ndarray] = {}
+    responses: dict[str, np.ndarray] = {}
     archive = Archive(folder / ARCHIVE)
     for row in shear_rows:
         path = folder / row.product
         states = _states(path, path.stat().st_mtime_ns) if path.exists() else _archived_states(archive, row.run_id)
         for state, symbol in JUDGED:
             name = judged_name(state, symbol, row.mu_iso)
-            values = by_packing.setdefault(name, np.full((len(packings), len(used)), np.nan))
-            values[packings.index(row.packing), used.index(row.point)] = states.get((state, symbol), np.nan)
-    return {name: average(values) for name, values in by_packing.items()}
+            values = responses.setdefault(name, np.full(len(used), np.nan))
+            values[used.index(row.point)] = states.get((state, symbol), np.nan)
+    return responses
 
 
 @lru_cache(maxsize=100_000)

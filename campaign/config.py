@@ -21,6 +21,13 @@ from analysis.errors_and_files import GrainScatterError, decoded, digest, shown
 ROOT = Path(__file__).resolve().parent.parent
 #: Largest number of runs at once, of the key run.jobs and of the option --jobs.
 MOST_JOBS = 4096
+#: Kind of a key that is a list of random seeds, or a number of them: n stands for the seeds 1 to n.
+SEEDS = "seeds"
+MOST_SEEDS = 10_000
+#: Keys of earlier versions, with what replaces them.
+FORMER = {
+    "assembly.replicate_points": "assembly.packings are dealt to the points in rotation, and no point has replicates"
+}
 
 
 class ConfigError(GrainScatterError):
@@ -76,11 +83,10 @@ class Assembly:
         doc="type of the grading by mass",
     )
     packings: tuple = key(
-        (1,), [int], 0, 2**31 - 1,
-        doc="random seeds of the packings: the first is run at every point, the others (replicates) at "
-        "`replicate_points` points to correct its offset",
+        tuple(range(1, 21)), SEEDS, 0, 2**31 - 1,
+        doc="packings that the points take in rotation, at most one per point: their number (seeds 1, 2, ...) or a "
+        "list of random seeds",
     )  # fmt: skip
-    replicate_points: int = key(-1, int, -1, 10_000, doc="number of points with replicate packings; -1: all")
 
 
 @dataclass(frozen=True)
@@ -284,6 +290,8 @@ def _refuse_unknown(table: dict, known: list[str], file: str, section: str) -> N
     for name in table:
         if name not in known:
             prefix = f"{section}." if section else ""
+            if prefix + name in FORMER:
+                raise ConfigError(f"{file}: {prefix}{name} is no key any more: {FORMER[prefix + name]}")
             places = [prefix + k for k in known if k.lower() == name.lower()] + _elsewhere(name, section)
             near = difflib.get_close_matches(name[:60], known, 1, 0.5)
             if places:
@@ -308,6 +316,8 @@ def _fill(kind: type, table: dict, file: str, section: str) -> Any:
         full = f"{section}.{f.name}"
         if f.name not in table:
             values[f.name] = f.default
+        elif meta["kind"] == SEEDS:
+            values[f.name] = _seeds(table[f.name], meta, file, full)
         elif isinstance(meta["kind"], list):
             if not isinstance(table[f.name], list):
                 raise ConfigError(f"{file}: {full} = {_shown(table[f.name])} must be a list")
@@ -345,6 +355,17 @@ def _value(value: Any, kind: type, meta: Mapping[str, Any], file: str, full: str
         said = f"{file}: {full} = {_shown(given)} is outside [{low:g}, {high:g}]"
         raise ConfigError(f"{said}: {ask}" if ask else said)
     return value
+
+
+def _seeds(value: Any, meta: Mapping[str, Any], file: str, full: str) -> tuple[int, ...]:
+    """A list of random seeds; a number n stands for the seeds 1 to n."""
+    if isinstance(value, list):
+        return tuple(_value(seed, int, meta, file, full) for seed in value)
+    if not isinstance(value, int) or isinstance(value, bool):
+        raise ConfigError(f"{file}: {full} = {_shown(value)} must be a whole number or a list of whole numbers")
+    if not 1 <= value <= MOST_SEEDS:
+        raise ConfigError(f"{file}: {full} = {_shown(value)} is outside [1, {MOST_SEEDS}]")
+    return tuple(range(1, value + 1))
 
 
 def _shown(value: Any) -> str:

@@ -83,28 +83,34 @@ class PlannedRun:
 def make_rows(config: Config, points: RepresentativePoints) -> list[PlannedRun]:
     """Return all runs of a campaign, stage by stage, within a stage the costliest first.
 
-    A run that several points or families use occurs once; a consolidation has the family "shared".
+    A run that several points or families use occurs once; a consolidation has the family "shared".  A point has the
+    same packing at every density and in every family.
     """
     rows: dict[str, PlannedRun] = {}
     all_points = list(points)
-    for packing in config.assembly.packings:
-        is_first = packing == config.assembly.packings[0]
-        for mu_iso in config.consolidation.mu_iso:
-            for family, mu_s_fixed, family_points in _families(config, all_points, is_first):
-                if not is_first:
-                    family_points = _spread(family_points, "mu_s", config.assembly.replicate_points)
-                for point in family_points:
-                    _add_chain(rows, config, family, packing, mu_iso, point, mu_s_fixed)
+    packing = packing_of_points(config, points)
+    for mu_iso in config.consolidation.mu_iso:
+        for family, mu_s_fixed, family_points in _families(config, all_points):
+            for point in family_points:
+                _add_chain(rows, config, family, packing[point.id], mu_iso, point, mu_s_fixed)
     order = {stage: k for k, stage in enumerate(STAGES)}
     return sorted(rows.values(), key=lambda row: (order[row.stage], -row.particle_steps, row.run_id))
 
 
-def _families(
-    config: Config, points: Sequence[Point], is_first: bool
-) -> Iterator[tuple[str, float | None, Sequence[Point]]]:
-    """Name, fixed mu_s (None: that of each point) and points of each family; the second family has one packing only."""
+def packing_of_points(config: Config, points: RepresentativePoints) -> dict[int, int]:
+    """Return the packing (its random seed) that each point takes, by the point's id."""
+    seeds = config.assembly.packings
+    if len(seeds) == 1:
+        return dict.fromkeys(points.id.tolist(), seeds[0])
+    from analysis.surrogates.rotation import deal
+
+    return {k: seeds[r] for k, r in zip(points.id.tolist(), deal(points.x, len(seeds)).tolist(), strict=True)}
+
+
+def _families(config: Config, points: Sequence[Point]) -> Iterator[tuple[str, float | None, Sequence[Point]]]:
+    """Name, fixed mu_s (None: that of each point) and points of each family."""
     yield "coupled", None, points
-    if config.families.G_p_only and is_first:
+    if config.families.G_p_only:
         yield "G_p", config.families.mu_s_fixed, _spread(points, "G_p", config.families.G_p_points)
 
 

@@ -248,7 +248,7 @@ def _make_assemblies(config: Config, folder: Path) -> Writes:
     """Make assembly_<seed>.h5 for every packing, unless it is there and was made with the same settings."""
     writes: Writes = {}
     grains = config.assembly
-    for seed in grains.packings:
+    for seed in grains.packings[: config.points.n]:
         path = folder / f"assembly_{seed}.h5"
         made_with = {"N": grains.N, "d50": grains.d50_mm * 1e-3, "sigma_ln": grains.sigma_ln, "seed": seed,
                      "distribution": grains.distribution}  # fmt: skip

@@ -10,6 +10,7 @@ from importlib import metadata
 from pathlib import Path
 
 import h5py
+import laptop_plan
 import numpy as np
 import pandas as pd
 import pytest
@@ -23,15 +24,13 @@ sys.path.insert(0, str(ROOT / "data"))
 import make_laptop  # noqa: E402
 
 from analysis.figures import write_figures  # noqa: E402
-from analysis.points import RepresentativePoints  # noqa: E402
 from analysis.results.reader import read_results  # noqa: E402
 from analysis.runs import run_file  # noqa: E402
 from analysis.runs.archive import Archive, run_summary  # noqa: E402
 from analysis.tables import evaluate, write_tables  # noqa: E402
-from campaign.config import read_config  # noqa: E402
 from campaign.evaluate import archive  # noqa: E402
 from campaign.folder import write_failure  # noqa: E402
-from campaign.plan import STAGES, make_rows  # noqa: E402
+from campaign.plan import STAGES  # noqa: E402
 from campaign.products import run_statuses  # noqa: E402
 
 LAPTOP = ROOT / "data" / "laptop"
@@ -91,11 +90,12 @@ def _assert_same(ours, kept, name=""):
 
 @needs_laptop
 def test_the_plan_predicts_what_the_campaign_took():
-    points = RepresentativePoints.from_csv((LAPTOP / "points.csv").read_text())
-    rows = make_rows(read_config(ROOT / "campaign" / "laptop.toml"), points)
-    taken = read_results(LAPTOP / "results.h5").runs.groupby("stage")["cpu_seconds"].sum()
-    for stage in STAGES:
-        assert sum(row.cpu_seconds for row in rows if row.stage == stage) == pytest.approx(taken[stage], rel=0.15)
+    plan, runs = laptop_plan.planned(), read_results(LAPTOP / "results.h5").runs
+    for stage, of_stage in runs.groupby("stage"):
+        keys = zip(of_stage["stage"], of_stage["family"], of_stage["mu_iso"], of_stage["point"], strict=True)
+        predicted, taken = sum(plan[key].cpu_seconds for key in keys), of_stage["cpu_seconds"].sum()
+        assert predicted == pytest.approx(taken, rel=0.15), stage
+    assert set(runs["stage"]) == set(STAGES)
 
 
 @needs_laptop

@@ -150,7 +150,7 @@ def _write_density(file: h5py.File, density: FamilyDensity, strain: np.ndarray, 
         file[f"nearest/{family.name}"] = family.nearest
     out = base.create_group(f"{density.mu_iso:g}")
     out.attrs.update(density.counts | {"lost_probability": density.lost_probability})
-    out["weight"], out["bearer"] = density.probability, density.bearer
+    out["weight"], out["bearer"], out["packing"] = density.probability, density.bearer, density.packing
     for stage, points in density.filled.items():
         out[f"filled/{stage}"] = points
     for symbol, values in density.values.items():
@@ -159,11 +159,8 @@ def _write_density(file: h5py.File, density: FamilyDensity, strain: np.ndarray, 
         _write_array(response, "values", values, symbol)
         response.create_dataset("extended", data=density.extended, **SQUEEZE)
         response.attrs["filled"] = int(density.filled["shear"].sum())
-        if len(density.packings) > 1:
-            _write_array(out, f"replicates/{symbol}", density.replicates[symbol], symbol)
     _write_standings(out, density, strain)
-    tables = {"states": density.states, "errors": density.errors, "state_replicates": density.state_replicates}
-    for place, states in tables.items():
+    for place, states in (("states", density.states), ("errors", density.errors)):
         for state, table in states.items():
             for symbol, values in table.items():
                 _write_array(out, f"{place}/{state}/{symbol}", values, symbol)
@@ -174,9 +171,7 @@ def _write_standings(out: h5py.Group, density: FamilyDensity, strain: np.ndarray
     """The standing of peak and critical state, as attributes of their groups."""
     if not {"eta", "e"} <= set(density.values):
         return
-    several = len(density.packings) > 1
-    curves = {symbol: DensityCurve(density.values[symbol], density.probability, density.extended,
-                                   density.replicates[symbol] if several else None)
+    curves = {symbol: DensityCurve(density.values[symbol], density.probability, density.extended, density.packing)
               for symbol in ("eta", "e")}  # fmt: skip
     for state in JUDGED_STATES:
         standing = curves_standing(state, strain, curves)

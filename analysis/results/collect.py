@@ -19,16 +19,13 @@ from ..quantities import STAGE_STATES
 from ..runs import run_file
 from ..runs.archive import NOTHING, RunSummary, run_summary
 from ..runs.states import RunStates
-from ..surrogates.surrogate import fill
+from ..surrogates.surrogate import FEWEST_FITTED, fill
 from .peaks import PooledPeaks, peak_states, pool_peaks
-from .replicates import average
 
 PROPERTIES = ("mu_s", "G_p")
 COLUMNS = ("run_id", "stage", "family", "point", "packing", "mu_iso", "mu_s", "G_p", "product")
 #: Parameters of a product that must be those of the plan, by stage.
 CHECKED = {"consolidate": ("G_p", "mu_iso"), "shear": ("mu_s", "G_p", "mu_iso"), "probe": ("mu_s", "G_p", "mu_iso")}
-#: Runs below which there is no response surface.
-SURFACE = 5
 
 
 class ResponsesError(GrainScatterError):
@@ -37,28 +34,26 @@ class ResponsesError(GrainScatterError):
 
 @dataclass(frozen=True)
 class FamilyDensity:
-    """All runs of one family at one density on the common strain grid of T strains: Q points, R packings.
+    """All runs of one family at one density on the common strain grid of T strains: Q points.
 
-    `values` and `states` are averages over the packings brought to one level (`results.replicates`), `replicates` the
-    packings one by one; NaN where a run failed.  `probability` (Q,) sums to 1; a point without a run has zero, and the
-    nearest point with a run, `bearer` (Q,), has its probability; `lost_probability` is the sum that moved.  `filled`
-    marks points (Q,) that were not run, by stage: their values and states are those of the response surface through
-    the others.  `peaks` states where the peaks of the points are; None if each run has the peak of its own curve.
+    `packing` (Q,) is the random seed of the packing that each point has.  `values` and `states` are NaN where a run
+    failed.  `probability` (Q,) sums to 1; a point without a run has zero, and the nearest point with a run, `bearer`
+    (Q,), has its probability; `lost_probability` is the sum that moved.  `filled` marks points (Q,) that were not run,
+    by stage: their values and states are those of the model through the others.  `peaks` states where the peaks of the
+    points are; None if each run has the peak of its own curve.
     """
 
     mu_iso: float
     family: PlannedFamily
-    packings: tuple[int, ...]
+    packing: np.ndarray
     probability: np.ndarray
     bearer: np.ndarray
     lost_probability: float
     filled: dict[str, np.ndarray]
     extended: np.ndarray
     values: dict[str, np.ndarray]
-    replicates: dict[str, np.ndarray]
     states: dict[str, dict[str, np.ndarray]]
     errors: dict[str, dict[str, np.ndarray]]
-    state_replicates: dict[str, dict[str, np.ndarray]]
     counts: dict[str, int]
     peaks: PooledPeaks | None
 
@@ -203,20 +198,17 @@ def _density(
     family: PlannedFamily, mu_iso: float, rows: list[Any], strain: np.ndarray, spared: set[str]
 ) -> FamilyDensity:
     points = family.points
-    packings = tuple(sorted({row.packing for row, _ in rows}))
-    replicates, extended, state_sets, error_sets = _by_packing(points, packings, rows, strain)
-    values = {symbol: average(sets) for symbol, sets in replicates.items()}
-    peaks = pool_peaks(strain, values["eta"], points.x, len(packings)) if values else None
+    values, extended, states, errors = _by_point(points, rows, strain)
+    filled, packing = {stage: _not_run(stage, rows, points, spared) for stage in STAGE_STATES}, _packing(points, rows)
+    peaks = pool_peaks(strain, values["eta"], points.x, packing) if values else None
     if peaks:
-        at_peak, errors = peak_states(strain, replicates, peaks, state_sets["peak"])
-        state_sets["peak"] |= at_peak
-        error_sets["peak"] |= {"eta": errors}
-    averages = {state: {s: average(v) for s, v in table.items()} for state, table in state_sets.items()}
-    filled = {stage: _not_run(stage, rows, points, spared) for stage in STAGE_STATES}
-    for stage, states in STAGE_STATES.items():
-        for table in (averages.get(state, {}) for state in states):
-            table |= {symbol: _fill(points, value[None], filled[stage])[0] for symbol, value in table.items()}
-    values = {symbol: _fill(points, value, filled["shear"]) for symbol, value in values.items()}
+        at_peak, error = peak_states(strain, values, peaks, states["peak"])
+        states["peak"] |= at_peak
+        errors["peak"] |= {"eta": error}
+    for stage, names in STAGE_STATES.items():
+        for table in (states.get(state, {}) for state in names):
+            table |= {symbol: _fill(points, value[None], filled[stage], packing)[0] for symbol, value in table.items()}
+    values = {symbol: _fill(points, value, filled["shear"], packing) for symbol, value in values.items()}
     sheared = any(row.stage == "shear" and row.run_id not in spared for row, _ in rows)
     alive = np.isfinite(values["eta"]).all(axis=0) if values else np.full(len(points), not sheared)
     bearer = np.arange(len(points))
@@ -225,43 +217,52 @@ def _density(
     return FamilyDensity(
         mu_iso=mu_iso,
         family=family,
-        packings=packings,
+        packing=packing,
         probability=np.bincount(bearer, weights=points.probability, minlength=len(points)),
         bearer=bearer,
         lost_probability=float(points.probability[~alive].sum()),
         filled=filled,
-        extended=extended.any(axis=0),
+        extended=extended,
         values=values,
-        replicates=replicates,
-        states=averages,
-        errors={state: {s: _packing_error(v) for s, v in table.items()} for state, table in error_sets.items()},
-        state_replicates=state_sets if len(packings) > 1 else {},
+        states=states,
+        errors=errors,
         counts=_counts([(row, states) for row, states in rows if row.stage == "shear"], spared),
         peaks=peaks,
     )
 
 
-def _by_packing(points, packings, rows, strain):
-    """Responses (R, T, Q), where they are extended, and states and their errors (R, Q), packing by packing."""
+def _by_point(points, rows, strain):
+    """Responses (T, Q), where they are extended, and states and their errors (Q,) of the runs."""
     place = {point: q for q, point in enumerate(points.id.tolist())}
-    packing_place = {packing: r for r, packing in enumerate(packings)}
-    shape = (len(packings), len(strain), len(points))
-    replicates: dict[str, np.ndarray] = {}
-    state_sets: dict[str, dict[str, np.ndarray]] = {}
-    error_sets: dict[str, dict[str, np.ndarray]] = {}
+    shape = (len(strain), len(points))
+    values: dict[str, np.ndarray] = {}
+    states: dict[str, dict[str, np.ndarray]] = {}
+    errors: dict[str, dict[str, np.ndarray]] = {}
     extended = np.zeros(shape, bool)
-    for row, states in rows:
-        if states is None:
+    for row, run in rows:
+        if run is None:
             continue
-        r, q = packing_place[row.packing], place[row.point]
-        for symbol in states.responses:
-            values, extended[r, :, q] = _on_grid(states, symbol, strain, row.run_id)
-            replicates.setdefault(symbol, np.full(shape, np.nan))[r, :, q] = values
-        for target, source in ((state_sets, states.states), (error_sets, states.errors)):
+        q = place[row.point]
+        for symbol in run.responses:
+            on_grid, extended[:, q] = _on_grid(run, symbol, strain, row.run_id)
+            values.setdefault(symbol, np.full(shape, np.nan))[:, q] = on_grid
+        for target, source in ((states, run.states), (errors, run.errors)):
             for state, table in source.items():
                 for symbol, value in table.items():
-                    target.setdefault(state, {}).setdefault(symbol, np.full(shape[::2], np.nan))[r, q] = value
-    return replicates, extended, state_sets, error_sets
+                    target.setdefault(state, {}).setdefault(symbol, np.full(len(points), np.nan))[q] = value
+    return values, extended, states, errors
+
+
+def _packing(points, rows):
+    """Packing (Q,) of each point.  Raises ResponsesError for a point with two of them."""
+    of_point: dict[int, int] = {}
+    for row, _ in rows:
+        if of_point.setdefault(row.point, row.packing) != row.packing:
+            raise ResponsesError(
+                f"run {row.run_id}: point {row.point} has packings {of_point[row.point]} and {row.packing}; a point "
+                "has one packing since version 0.3"
+            )
+    return np.array([of_point[point] for point in points.id.tolist()])
 
 
 def _counts(shear, spared):
@@ -282,12 +283,11 @@ def _not_run(stage, rows, points, spared):
     return np.isin(points.id, sorted({point for point, _ in of_stage} - needed))
 
 
-def _fill(points, values, filled):
-    """Values (T, Q) with those of the filled points from the response surface through the others, if there is one."""
-    if not filled.any() or np.isfinite(values).sum(axis=1).min() < SURFACE:
+def _fill(points, values, filled, packing):
+    """Values (T, Q) with those of the filled points from the model through the others, if there is one."""
+    if not filled.any() or np.isfinite(values).sum(axis=1).min() < FEWEST_FITTED:
         return values
-    surface, _ = fill(points.x, values)
-    return np.where(filled, surface, values)
+    return np.where(filled, fill(points.x, values, packing)[0], values)
 
 
 def _on_grid(states, symbol, strain, run_id):
@@ -302,8 +302,3 @@ def _on_grid(states, symbol, strain, run_id):
             )
         values[beyond] = states.states["critical"][symbol]
     return values, beyond
-
-
-def _packing_error(sets):
-    count = np.maximum(np.isfinite(sets).sum(axis=0), 1)
-    return np.sqrt(weighted.mean(np.moveaxis(sets**2, 0, -1), np.ones(len(sets))) / count)

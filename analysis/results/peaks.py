@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..runs.peak_critical import admissible, error_of_fit, local_fits, log_smoother
-from ..surrogates import surrogate
 
 #: Points with a run below which peaks are not pooled; the peak of each single run is kept.
 FEWEST = 5
@@ -42,11 +41,11 @@ class PooledPeaks:
     bias: np.ndarray
 
 
-def pool_peaks(strain: np.ndarray, eta: np.ndarray, inputs: np.ndarray, packings: int = 1) -> PooledPeaks | None:
+def pool_peaks(strain: np.ndarray, eta: np.ndarray, inputs: np.ndarray, packing: np.ndarray) -> PooledPeaks | None:
     """Peaks of points at the inputs (Q, 2) [mu_s, G_p in Pa] from their stress ratios eta (T, Q) over strain (T,).
 
-    A column that is not finite is a point without a run.  The shared noise of the bootstrap is that of the mean of so
-    many packings.  None if fewer than FEWEST points have a run.
+    packing (Q,): that of each point; in the bootstrap, the points of a packing share its noise.  A column of eta that
+    is not finite is a point without a run.  None if fewer than FEWEST points have a run.
     """
     known = np.isfinite(eta).all(axis=0)
     if known.sum() < FEWEST:
@@ -55,15 +54,15 @@ def pool_peaks(strain: np.ndarray, eta: np.ndarray, inputs: np.ndarray, packings
     loaded = strain > 0
     x, mask, s = inputs[order], known[order], strain[loaded]
     y = eta[np.ix_(loaded, order)]
-    basis = surrogate.fit(x[mask], y[:, mask]).basis(x)
+    basis = _basis(x, int(mask.sum()))
     regression = np.linalg.pinv(basis[mask])
     fits, half = local_fits(strain)
     local, log_smooth = fits[:, 0][np.ix_(loaded, loaded)], log_smoother(s)
     rows = np.flatnonzero(admissible(strain, half)[loaded])
 
-    peak = _peak_rows(log_smooth @ y[:, mask] @ regression.T @ basis.T, rows)
+    peak = _peak_rows(log_smooth @ (y[:, mask] @ regression.T) @ basis.T, rows)
     bias = np.full(len(x), np.nan)
-    bias[mask] = _bias(s, y[:, mask], basis[mask], rows, local, log_smooth, packings)
+    bias[mask] = _bias(s, y[:, mask], basis[mask], packing[order][mask], rows, local, log_smooth)
     place = np.argsort(order)
     interior = (peak > rows[0]) & (peak < rows[-1])
     return PooledPeaks(np.flatnonzero(loaded)[peak][place], interior[place], bias[place])
@@ -72,31 +71,31 @@ def pool_peaks(strain: np.ndarray, eta: np.ndarray, inputs: np.ndarray, packings
 def peak_states(
     strain: np.ndarray, curves: Mapping[str, np.ndarray], peaks: PooledPeaks, single: Mapping[str, np.ndarray]
 ) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Peak states (R, Q), by symbol, of the runs of R packings at the pooled peaks, and the standard errors of eta.
+    """Peak states (Q,), by symbol, of the points' runs at the pooled peaks, and the standard errors (Q,) of eta.
 
-    curves: eta and the other responses (R, T, Q) over strain (T,), NaN without a run; each is smoothed as a single run
+    curves: eta and the other responses (T, Q) over strain (T,), NaN without a run; each is smoothed as a single run
     is.  single: p and q (Pa) at the runs' own peaks, which give the lateral stress.
     """
     fits, half = local_fits(strain)
     weights, slopes = fits[peaks.row, 0], fits[peaks.row, 1] / half[peaks.row, None]
-    states = {symbol: np.einsum("qt,rtq->rq", weights, values) for symbol, values in curves.items()}
+    states = {symbol: np.einsum("qt,tq->q", weights, values) for symbol, values in curves.items()}
     states["eta"] = states["eta"] - peaks.bias
     states["eps_peak"] = np.where(np.isfinite(states["eta"]), strain[peaks.row], np.nan)
     if "eps_v" in curves:
-        d_volume = np.einsum("qt,rtq->rq", slopes, curves["eps_v"])
+        d_volume = np.einsum("qt,tq->q", slopes, curves["eps_v"])
         states["D_p"] = -d_volume / (1.0 - d_volume / 3.0)
     if {"p", "q"} <= set(single):
         lateral = single["p"] - single["q"] / 3.0
         states["p"] = lateral / (1.0 - states["eta"] / 3.0)
         states["q"] = states["eta"] * states["p"]
     errors = np.full(states["eta"].shape, np.nan)
-    for r, q in np.argwhere(np.isfinite(states["eta"])):
+    for q in np.flatnonzero(np.isfinite(states["eta"])):
         k = peaks.row[q]
-        errors[r, q] = error_of_fit(strain, curves["eta"][r, :, q], fits[k], half[k], k)
+        errors[q] = error_of_fit(strain, curves["eta"][:, q], fits[k], half[k], k)
     return states, errors
 
 
-def _bias(s, y, basis, rows, local, log_smooth, packings):
+def _bias(s, y, basis, packing, rows, local, log_smooth):
     """Bias (K,) of the stress ratio at the pooled peaks of K runs y (T, K), by a parametric bootstrap.
 
     The truth of the bootstrap are the pooled curves, smoothed twice, because the noise that is left in them makes their
@@ -105,18 +104,23 @@ def _bias(s, y, basis, rows, local, log_smooth, packings):
     regression = np.linalg.pinv(basis)
     surface = y @ regression.T @ basis.T
     pooled = log_smooth @ log_smooth @ surface
-    freedom = max(y.shape[1] - basis.shape[1], 1)
+    of_packing = (packing == np.unique(packing)[:, None]).astype(float)
+    ratio = SHARED_RATIO * np.exp(-s / SHARED_DECAY)
+    # the residuals contain the own noise, and the noise of the packings as far as the regression does not follow it
+    residual = of_packing - of_packing @ regression.T @ basis.T
+    freedom = max(y.shape[1] - np.linalg.matrix_rank(basis), 1) + ratio**2 * np.sum(residual**2)
     relative = (y - surface) / np.maximum(np.abs(surface), 1e-9)
     own = np.sqrt(_averaged(s, np.sum(relative**2, axis=1) / freedom))[:, None] * pooled
-    shared = own * (SHARED_RATIO / np.sqrt(packings) * np.exp(-s / SHARED_DECAY))[:, None]
+    shared = own * ratio[:, None]
     own_root, shared_root = (correlation_root(s, length) for length in (OWN_CORRELATION, SHARED_CORRELATION))
     at_truth = local[_peak_rows(pooled, rows)].T
     rng = np.random.default_rng(SEED)
     excess = np.zeros(y.shape[1])
     for _ in range(DRAWS):
-        noise = own * (own_root @ rng.normal(size=y.shape)) + shared * (shared_root @ rng.normal(size=(len(s), 1)))
+        drawn_own, drawn_shared = rng.normal(size=y.shape), rng.normal(size=(len(s), len(of_packing))) @ of_packing
+        noise = own * (own_root @ drawn_own) + shared * (shared_root @ drawn_shared)
         drawn = pooled + noise
-        peak = _peak_rows(log_smooth @ drawn @ regression.T @ basis.T, rows)
+        peak = _peak_rows(log_smooth @ (drawn @ regression.T) @ basis.T, rows)
         excess += np.sum(local[peak].T * drawn - at_truth * noise, axis=0)
     return excess / DRAWS - pooled[rows].max(axis=0)
 
@@ -125,6 +129,15 @@ def correlation_root(strain: np.ndarray, length: float) -> np.ndarray:
     """Matrix (T, T) that turns independent noise into noise of unit variance with correlation exp(-gap / length)."""
     gap = np.abs(strain[:, None] - strain)
     return np.linalg.cholesky(np.exp(-gap / length) + 1e-10 * np.eye(len(strain)))
+
+
+def _basis(inputs: np.ndarray, runs: int) -> np.ndarray:
+    """Polynomials (Q, M) of the standardised ln mu_s and ln G_p: the fewer, the fewer runs there are."""
+    logs = np.log(inputs)
+    scale = logs.std(axis=0)
+    a, b = ((logs - logs.mean(axis=0)) / np.where(scale > 1e-9, scale, 1.0)).T
+    columns = [np.ones(len(a)), a, a**2, b, a * b, a**3]
+    return np.column_stack(columns[: 6 if runs >= 24 else 4 if runs >= 12 else 3])
 
 
 def _peak_rows(curves, rows):

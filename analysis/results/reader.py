@@ -14,11 +14,11 @@ from __future__ import annotations
 import json
 import numbers
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Hashable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
@@ -31,7 +31,10 @@ from ..points.representative_points import RepresentativePoints
 from ..quantities import CONSOLIDATED, QUANTITIES, STAGE_STATES, Quantity
 from .standing import PROVEN, Standing, curves_standing
 
-FORMAT, FORMAT_VERSION = "campaign-results", 3
+FORMAT, FORMAT_VERSION = "campaign-results", 4
+#: Versions that can be read.  In version 3 all points have the first packing of the campaign, and the others are
+#: replicates at some points, from which the offset of the first one was estimated and subtracted.
+READABLE = (3, FORMAT_VERSION)
 STATES = ("initial", "peak", "critical", "probe")
 #: States that a test may not reach.
 JUDGED_STATES = ("peak", "critical")
@@ -54,6 +57,14 @@ class NotReachedError(ResultsError):
     """Values of a state that the tests did not reach; the line gives the reason and how to see them all the same."""
 
 
+class Runs(NamedTuple):
+    """What n single runs gave: values (..., n), the packing (n,) of each, and the place (n,) of its point."""
+
+    values: np.ndarray
+    packing: np.ndarray
+    place: np.ndarray
+
+
 @dataclass(frozen=True)
 class PeakEstimate:
     """Peaks that were pooled over the points: `bias` (Q,) that was subtracted from the stress ratio, NaN where a point
@@ -69,9 +80,8 @@ class Response:
     """One response at one density: values (T, Q) over the strains (T,) and the points, and its PDF along strain.
 
     `probability` (Q,) of the points, of sum 1.  `extended` (T, Q) marks values that continue a run which stopped early
-    in the steady state.  `replicates` (R, T, Q) are the single packings behind the averages, or None.  `pdf` holds the
-    PDF on its grid (pdf.p, pdf.x), what widens it, and the points behind it.  `mean` and `std` (T,) are sums over the
-    points, never integrals of the PDF.
+    in the steady state.  `packing` (Q,) is the random seed of each point's packing.  `pdf` holds the PDF on its grid
+    (pdf.p, pdf.x) and what widens it.  `mean` and `std` (T,) are sums over the points, never integrals of the PDF.
     """
 
     quantity: Quantity
@@ -79,7 +89,7 @@ class Response:
     values: np.ndarray
     probability: np.ndarray
     extended: np.ndarray
-    replicates: np.ndarray | None
+    packing: np.ndarray
     pdf: PDF
 
     @property
@@ -122,7 +132,13 @@ class Results:
     inputs: dict[str, Any]
     diameters: np.ndarray
     grading: dict[str, Any]
-    _standings: dict[tuple[str, str, str], Standing] = field(default_factory=dict, repr=False, compare=False)
+    _cache: dict[Hashable, Any] = field(default_factory=dict, repr=False, compare=False)
+
+    def cached(self, key: Hashable, make: Callable[[], Any]) -> Any:
+        """What `make` returned when it was first asked for under this key."""
+        if key not in self._cache:
+            self._cache[key] = make()
+        return self._cache[key]
 
     def family_densities(self, family: str = "coupled") -> tuple[float, ...]:
         """The densities of a family as consolidation frictions mu_iso, ascending: the densest first."""
@@ -139,6 +155,11 @@ class Results:
         """Probabilities (Q,) of the points at a density, of sum 1; zero where a point has no run."""
         with self._open() as file:
             return self._group(file, mu_iso, family, "weight")[()]
+
+    def packing(self, mu_iso: float, family: str = "coupled") -> np.ndarray:
+        """Packing (Q,) of each point at a density: the random seed of its assembly.  All equal: one packing for all."""
+        with self._open() as file:
+            return self._packing(self._group(file, mu_iso, family))
 
     def weights(self, mu_iso: float, family: str = "coupled") -> np.ndarray:
         """Former name of `probability`; will be removed in the next version."""
@@ -179,6 +200,20 @@ class Results:
         values = self.state(state, symbol, mu_iso, family, withheld="nan")
         return np.where(self.filled(mu_iso, family, state), np.nan, values)
 
+    def runs_at(self, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> Runs:
+        """Values of a quantity at a state in the single runs, in SI units; NaN where missing or withheld."""
+        values = self.measured(state, symbol, mu_iso, family)
+        with self._open() as file:
+            return self._single(file, mu_iso, family, values, f"state_replicates/{state}/{symbol}")
+
+    def runs_along(self, symbol: str, mu_iso: float, family: str = "coupled") -> Runs:
+        """Values (T, n) of a response along strain in the single runs, in SI units; NaN where missing."""
+        filled = self.filled(mu_iso, family)
+        with self._open() as file:
+            values = self._group(file, mu_iso, family, "responses", symbol)["values"][()]
+            values = np.where(filled, np.nan, values)
+            return self._single(file, mu_iso, family, values, f"replicates/{symbol}")
+
     def counts(self, mu_iso: float, family: str = "coupled") -> dict[str, Any]:
         """Numbers of shear runs planned, done, failed, spared and extended at a density, and the lost probability."""
         with self._open() as file:
@@ -189,7 +224,6 @@ class Results:
         with self._open() as file:
             base = self._group(file, mu_iso, family)
             group = self._group(file, mu_iso, family, "responses", symbol)
-            replicates = base.get(f"replicates/{symbol}")
             values, probability = group["values"][()], base["weight"][()]
             return Response(
                 quantity=QUANTITIES[symbol],
@@ -197,7 +231,7 @@ class Results:
                 values=values,
                 probability=probability,
                 extended=group["extended"][()],
-                replicates=None if replicates is None else replicates[()],
+                packing=self._packing(base),
                 pdf=PDF.from_hdf5(group).with_points(values, probability),
             )
 
@@ -241,16 +275,16 @@ class Results:
             raise ResultsError(f"{self.path}: there is no state {state!r}, only {', '.join(STATES)}")
         if state not in JUDGED_STATES:
             return PROVEN_STATE
-        key = (state, f"{mu_iso:g}", family)
-        if key not in self._standings:
-            with self._open() as file:
-                attrs = _plain(self._group(file, mu_iso, family, "states", state).attrs)
-            if "standing" in attrs:
-                self._standings[key] = Standing(str(attrs["standing"]), str(attrs["standing_reason"]))
-            else:
-                curves = {symbol: self.response(symbol, mu_iso, family) for symbol in ("eta", "e")}
-                self._standings[key] = curves_standing(state, self.strain, curves)
-        return self._standings[key]
+        key = ("standing", state, f"{mu_iso:g}", family)
+        return self.cached(key, lambda: self._standing(state, mu_iso, family))
+
+    def _standing(self, state: str, mu_iso: float, family: str) -> Standing:
+        with self._open() as file:
+            attrs = _plain(self._group(file, mu_iso, family, "states", state).attrs)
+        if "standing" in attrs:
+            return Standing(str(attrs["standing"]), str(attrs["standing_reason"]))
+        curves = {symbol: self.response(symbol, mu_iso, family) for symbol in ("eta", "e")}
+        return curves_standing(state, self.strain, curves)
 
     def consolidated(self, symbol: str, mu_iso: float, family: str = "coupled") -> tuple[np.ndarray, np.ndarray]:
         """Values (R,) of e, e_m, Z or Z_m after the R consolidations of a density, and probabilities (R,) of sum 1.
@@ -276,17 +310,16 @@ class Results:
 
     def state_error(self, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> np.ndarray | None:
         """Standard errors (Q,) of a state's values from the fluctuation within the runs, or None if not estimated."""
-        return self._beside_state("errors", state, symbol, mu_iso, family)
+        with self._open() as file:
+            self._group(file, mu_iso, family, "states", state, symbol)
+            dataset = file.get(f"families/{family}/{mu_iso:g}/errors/{state}/{symbol}")
+            return None if dataset is None else dataset[()]
 
     def peak_estimate(self, mu_iso: float, family: str = "coupled") -> PeakEstimate | None:
         """How the peaks of a density were estimated; None if each point has the peak of its own run."""
         with self._open() as file:
             group = self._group(file, mu_iso, family).get("peak_estimate")
             return None if group is None else PeakEstimate(group["bias"][()], group["interior"][()])
-
-    def state_replicates(self, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> np.ndarray | None:
-        """Values (R, Q) of the single packings behind a state's averages, or None with one packing."""
-        return self._beside_state("state_replicates", state, symbol, mu_iso, family)
 
     def state_symbols(self, state: str, mu_iso: float, family: str = "coupled") -> tuple[str, ...]:
         """Symbols of the quantities at a state; empty if the campaign has no such stage."""
@@ -314,12 +347,20 @@ class Results:
             group = group[name]
         return group
 
-    def _beside_state(self, place: str, state: str, symbol: str, mu_iso: float, family: str) -> np.ndarray | None:
-        """What the file holds beside the values of a state, or None."""
-        with self._open() as file:
-            self._group(file, mu_iso, family, "states", state, symbol)
-            dataset = file.get(f"families/{family}/{mu_iso:g}/{place}/{state}/{symbol}")
-            return None if dataset is None else dataset[()]
+    def _single(self, file: h5py.File, mu_iso: float, family: str, values: np.ndarray, replicates: str) -> Runs:
+        """The points' values as single runs; in files of version 3 the replicates are single runs, too."""
+        group = self._group(file, mu_iso, family)
+        if replicates not in group or not np.isfinite(values).any():
+            return Runs(values, self._packing(group), np.arange(values.shape[-1]))
+        sets = np.moveaxis(group[replicates][()], 0, -2)  # (..., R, Q)
+        packing, place = np.nonzero(np.isfinite(sets).any(axis=tuple(range(sets.ndim - 2))))
+        return Runs(sets[..., packing, place], packing, place)
+
+    def _packing(self, group: h5py.Group) -> np.ndarray:
+        """Packing (Q,) of the points of a density; the campaign's first one in files of version 3."""
+        if "packing" in group:
+            return group["packing"][()]
+        return np.full(len(group["weight"]), int(self.runs["packing"].iloc[0]) if "packing" in self.runs else 1)
 
 
 def read_results(path: str | Path | Results) -> Results:
@@ -361,7 +402,7 @@ def read_results(path: str | Path | Results) -> Results:
 def _read(path: Path, file: h5py.File) -> Results:
     attrs = _plain(file.attrs)
     name, version = (one_line(repr(attrs.get(key))) for key in ("format", "format_version"))
-    if (name, version) != (repr(FORMAT), repr(FORMAT_VERSION)):
+    if name != repr(FORMAT) or version not in map(repr, READABLE):
         raise ResultsError(f"{path}: format {name} version {version}, want {FORMAT!r} version {FORMAT_VERSION}")
     for name in ("versions", "settings"):
         attrs[name] = _json(path, name, attrs.get(name, "{}"), dict)

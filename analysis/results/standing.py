@@ -43,12 +43,12 @@ class Standing:
 
 
 class DensityCurve(NamedTuple):
-    """A response of a density along strain: values (T, Q), probability (Q,), extended (T, Q), replicates (R, T, Q)."""
+    """A response of a density along strain: values (T, Q), probability (Q,), extended (T, Q), packing (Q,)."""
 
     values: np.ndarray
     probability: np.ndarray
     extended: np.ndarray
-    replicates: np.ndarray | None
+    packing: np.ndarray
 
 
 def curves_standing(state: str, strain: np.ndarray, curves: Mapping[str, Any]) -> Standing:
@@ -59,9 +59,8 @@ def curves_standing(state: str, strain: np.ndarray, curves: Mapping[str, Any]) -
     eta = curves["eta"]
     if state == "peak":
         return peak_standing(strain, eta.values, eta.probability)
-    sets = {symbol: curve.replicates for symbol, curve in curves.items() if curve.replicates is not None}
     values = {symbol: curve.values for symbol, curve in curves.items()}
-    return critical_standing(strain, values, eta.probability, eta.extended, sets)
+    return critical_standing(strain, values, eta.probability, eta.extended, eta.packing)
 
 
 def critical_standing(
@@ -69,13 +68,13 @@ def critical_standing(
     values: Mapping[str, np.ndarray],
     probability: np.ndarray,
     extended: np.ndarray,
-    replicates: Mapping[str, np.ndarray] | None = None,
+    packing: np.ndarray | None = None,
 ) -> Standing:
     """Standing of the critical state of a density from the curves of all its points.
 
     strain (T,); values: eta and e (T, Q), NaN where a run is missing; probability (Q,); extended (T, Q): rows that
-    continue a run which stopped because its critical state was proven.  replicates: eta and e (R, T, Q) of several
-    packings, where there are any.  Without them the error of the pooled drift contains SHARED of a single run's.
+    continue a run which stopped because its critical state was proven.  packing (Q,): that of each point; None or all
+    equal: one for all points, and the error of the pooled drift then contains SHARED of a single run's.
 
     Not reached: the test ends before strain 0.28, or a drift beyond the tolerance is shown (it exceeds SHOWN_AT
     standard errors).  Proven: the drift and twice its error are within the tolerance.  Not proven at this size:
@@ -96,10 +95,10 @@ def critical_standing(
         return Standing(PROVEN, "every run stopped after it had proven its critical state by itself")
     words, status = [], PROVEN
     for symbol, points in known.items():
-        if points.sum() < 2 and not (replicates and symbol in replicates):
+        if points.sum() < 2:
             return Standing(NOT_PROVEN, f"one run cannot prove that {symbol} is steady")
-        sets = replicates[symbol][:, part] if replicates and symbol in replicates else None
-        drift, error = pooled_drift(strain[part], values[symbol][part][:, points], probability[points], sets)
+        of_points = None if packing is None else packing[points]
+        drift, error = pooled_drift(strain[part], values[symbol][part][:, points], probability[points], of_points)
         limit = TOLERANCE[symbol]
         words.append(f"{symbol} {100 * drift:+.2g} ± {200 * error:.2g} % (limit {100 * limit:g} %)")
         if abs(drift) > max(limit, SHOWN_AT * error):
@@ -113,27 +112,25 @@ def critical_standing(
 
 
 def pooled_drift(
-    strain: np.ndarray, values: np.ndarray, probability: np.ndarray, replicates: np.ndarray | None = None
+    strain: np.ndarray, values: np.ndarray, probability: np.ndarray, packing: np.ndarray | None = None
 ) -> tuple[float, float]:
     """Relative drift over DRIFT_STRAIN of values (T, Q), pooled over the points, and its standard error.
 
-    With replicates (R, T, Q) of two packings or more: mean over the points that all of them have, its error between the
-    packings, widened by Student's t.
+    packing (Q,): that of each point.  The points of one packing may share part of their drift; with R > 1 packings the
+    error is that of R clusters, sqrt(R / (R - 1) sum_r (sum_q w_q (d_q - d))^2), widened by Student's t.
     """
-    if replicates is not None:
-        by_packing = _drifts(strain, replicates)
-        complete = np.isfinite(by_packing).all(axis=0)
-        if len(by_packing) > 1 and complete.any():
-            from scipy import stats
-
-            means = by_packing[:, complete].mean(axis=1)
-            factor = stats.t.ppf(0.975, len(means) - 1) / stats.norm.ppf(0.975)
-            return float(means.mean()), float(factor * means.std(ddof=1) / np.sqrt(len(means)))
     drifts = _drifts(strain, values)
     share = weighted.normalised(probability)
-    count = 1.0 / np.sum(share**2)
-    spread = drifts.std(ddof=1)
-    return float(share @ drifts), float(spread * np.sqrt(1.0 / count + SHARED**2))
+    mean = float(share @ drifts)
+    cluster = np.unique(packing, return_inverse=True)[1] if packing is not None else np.zeros(len(drifts), int)
+    count = cluster.max() + 1
+    if count == 1:
+        return mean, float(drifts.std(ddof=1) * np.sqrt(np.sum(share**2) + SHARED**2))
+    from scipy import stats
+
+    factor = stats.t.ppf(0.975, count - 1) / stats.norm.ppf(0.975)
+    sums = np.bincount(cluster, share * (drifts - mean), count)
+    return mean, float(factor * np.sqrt(count / (count - 1) * np.sum(sums**2)))
 
 
 def peak_standing(strain: np.ndarray, eta: np.ndarray, probability: np.ndarray) -> Standing:

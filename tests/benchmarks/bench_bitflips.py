@@ -70,7 +70,7 @@ def numbers_of_results(path: Path) -> Any:
             found += [r.counts(*where), r.probability(*where), r.bootstrap_probability(*where)]
             for symbol in r.symbols(*where):
                 response = r.response(symbol, *where)
-                found += [response.values, response.extended, response.replicates, vars(response.pdf)]
+                found += [response.values, response.extended, response.packing, vars(response.pdf)]
             for state in ("initial", "peak", "critical", "probe"):
                 found.append(r.filled(*where, state))
                 found.append(r.standing(state, *where))

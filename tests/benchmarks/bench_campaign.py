@@ -88,7 +88,7 @@ def overhead(place: Path, asked) -> None:
     A run's own time is that of its YADE process; without YADE's start, what its product says.  The rest is told apart:
     before the first process begins, after the last has ended, and places empty in between.
     """
-    small = make_real(place, n=2, more="packings = [1, 2, 3, 4]")
+    small = make_real(place, n=8, packings=4)
     (place / "timed_yade").write_text(TIMED_YADE)
     (place / "timed_yade").chmod(0o755)
     small.yade = str(place / "timed_yade")

@@ -13,9 +13,9 @@ from campaign_cases import SUBMIT, slurm_of
 
 from analysis.report import wording
 from analysis.results.reader import read_results
-from analysis.surrogates import stopping
+from analysis.surrogates import stopping, surrogate
+from analysis.surrogates.rotation import nested_order
 from analysis.tables import evaluate as evaluate_tables
-from analysis.tables.packing_noise import values_drawn
 from campaign import batches, engine_slurm, evaluate
 from campaign.config import ConfigError, parse_config, parse_share, read_config
 from campaign.folder import write_failure
@@ -23,16 +23,17 @@ from campaign.plan import write_plan
 from campaign.products import run_statuses, set_aside
 from campaign.status import campaign_status, status_text
 
-N = 30
+N, PACKINGS = 30, 4
 TARGET = '[pdem]\nstop_when = "{}"\ncells = 64\n'
 
 
 class Case:
     """A planned campaign of N points at one density whose engine writes synthetic products, noisy if asked."""
 
-    def __init__(self, place, stop_when="5%", noise=0.0, n=N, more=""):
+    def __init__(self, place, stop_when="5%", noise=0.0, n=N, more="", packings=PACKINGS):
         toml = synthetic_runs.write_config(place, n, TARGET.format(stop_when) + more)
-        toml.write_text(toml.read_text().replace("[0.001, 0.04]", "[0.04]").replace("= 0.1\n", "= 0.4\n"))
+        text = toml.read_text().replace("[0.001, 0.04]", "[0.04]").replace("= 0.1\n", "= 0.4\n")
+        toml.write_text(text.replace("packings = [1]", f"packings = {packings}"))
         self.config, self.folder, self.noise = read_config(toml), place / "run", noise
         self.rows = synthetic_runs.planned(self.config, self.folder, n)
         write_plan(self.rows, self.folder)
@@ -86,7 +87,7 @@ def stopped(tmp_path_factory):
 def test_quiet_runs_stop_early_and_the_rest_is_spared(stopped):
     note = stopped.note()
     assert note["reached"] and 12 <= note["used"] < N
-    assert stopped.added == 1 + 2 * note["used"]
+    assert stopped.added == PACKINGS + 2 * note["used"]
     assert max(note["claimed"].values()) <= 0.05 and len(note["claimed"]) == 3
     assert [h["points"] for h in note["history"]] == sorted({h["points"] for h in note["history"]})
     counts = stopped.counts()
@@ -100,7 +101,7 @@ def test_quiet_runs_stop_early_and_the_rest_is_spared(stopped):
 def test_first_points_are_the_beginning_of_the_nested_order(stopped):
     note = stopped.note()
     points = synthetic.representative_points(N)
-    assert note["order"] == list(stopping.nested_order(points.x))
+    assert note["order"] == list(nested_order(points.x))
     made = {row.point for row in stopped.rows if (stopped.folder / row.product).exists()} - {-1}
     assert made == set(note["order"][: note["used"]])
 
@@ -125,11 +126,10 @@ def test_spared_points_are_filled_close_to_the_truth_and_marked(stopped):
     assert results.state("critical", "eta", 0.04) == pytest.approx(truth, abs=0.05 * truth.std() * 3)
     exact = synthetic.stiffness(results.family_points().G_p, 0.04)
     assert results.state("probe", "G_0", 0.04) == pytest.approx(exact, rel=0.01)
-    measured, drawn = results.measured("critical", "eta", 0.04), values_drawn(results, "critical", "eta", 0.04, n=50)
-    assert (np.isnan(measured) == filled).all() and drawn.shape == (50, N)
-    spread = drawn.std(axis=0)
-    assert (spread[~filled] < 1e-12).all() and (spread[filled] > 1e-9).all()
-    assert drawn.mean(axis=0) == pytest.approx(results.state("critical", "eta", 0.04), abs=0.05 * truth.std())
+    measured, points = results.measured("critical", "eta", 0.04), results.family_points()
+    assert (np.isnan(measured) == filled).all()
+    model = surrogate.fit(points.x, measured, results.packing(0.04)).predict(points.x)[0]
+    assert results.state("critical", "eta", 0.04) == pytest.approx(np.where(filled, model, measured), rel=1e-9)
     eta = results.response("eta", 0.04)
     assert np.isfinite(eta.values).all() and not eta.extended.any()
     with h5py.File(stopped.folder / "results.h5") as file:
@@ -149,6 +149,15 @@ def test_all_points_run_where_the_noise_is_too_big(tmp_path):
     assert case.batches[0] == 12 and sum(case.batches) == 16
     judged = len(note["history"])
     assert case.run() == 0 and len(case.note()["history"]) == judged == 3
+
+
+def test_with_two_packings_nothing_is_claimed_and_all_points_run(tmp_path):
+    case = Case(tmp_path, "50%", n=14, packings=2)
+    case.run()
+    note = case.note()
+    assert not note["reached"] and note["used"] == 14 and case.counts()["done"] == len(case.rows)
+    assert all(value is None for judged in note["history"] for value in judged["claimed"].values())
+    assert "the error cannot be judged, because the runs use 2 packings, and 3 are needed" in case.shown[-1]
 
 
 def test_without_a_target_all_run_at_once(tmp_path):
@@ -225,7 +234,7 @@ def test_the_cluster_gets_one_batch_at_a_time(tmp_path, monkeypatch):
         return step, engine_slurm.submit_missing(case.config, case.folder, case.rows, spared=step.spared)
 
     step, line = submit()
-    assert not step.last and "1 consolidate" in line and "12 probe" in line and "12 shear" in line
+    assert not step.last and "4 consolidate" in line and "12 probe" in line and "12 shear" in line
     case.engine(step.spared)
     step, line = submit()
     assert not step.last and "2 probe" in line and "2 shear" in line and "consolidate" not in line
@@ -236,11 +245,11 @@ def test_the_cluster_gets_one_batch_at_a_time(tmp_path, monkeypatch):
 
 
 def test_what_runs_start_from_is_never_spared(tmp_path):
-    """Two families, replicate packings on some points, each point with its own consolidation."""
+    """Two families, two packings, each point with its own consolidation."""
     more = "[families]\nG_p_only = true\n"
-    case = Case(tmp_path, "5%", n=16, more=more)
-    text = case.config.text.replace("N = 64", "N = 64\npackings = [1, 2]\nreplicate_points = 5")
-    case.config = parse_config(text.replace("[consolidation]", "[consolidation]\nper_point = true"), case.config.source)
+    case = Case(tmp_path, "5%", n=16, more=more, packings=2)
+    text = case.config.text.replace("[consolidation]", "[consolidation]\nper_point = true")
+    case.config = parse_config(text, case.config.source)
     case.rows = synthetic_runs.planned(case.config, case.folder, 16)
     step = batches.next_step(case.config, case.folder, case.rows)
     to_run = {row.run_id: row for row in case.rows if row.run_id not in step.spared}

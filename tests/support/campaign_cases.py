@@ -83,13 +83,11 @@ def make_small(place: Path, n: int = 2, more: str = "", fitted: bool = False, **
     return Small(toml, folder, rows, config, {"products": str(ready), **fake})
 
 
-def make_real(place: Path, n: int = 2, spheres: int = 100, more: str = "") -> Small:
-    """A planned campaign of n points at one density for YADE itself: some five CPU seconds per run.
-
-    more: further lines of the file's [assembly].
-    """
+def make_real(place: Path, n: int = 2, spheres: int = 100, packings: int = 1) -> Small:
+    """A planned campaign of n points at one density for YADE itself: some five CPU seconds per run."""
     small = make_small(place, n)
-    text = small.toml.read_text().replace("N = 64", f"N = {spheres}\n{more}").replace("[0.001, 0.04]", "[0.04]")
+    text = small.toml.read_text().replace("N = 64", f"N = {spheres}").replace("[0.001, 0.04]", "[0.04]")
+    text = text.replace("packings = [1]", f"packings = {packings}")
     text = text.replace("inertial_number = 2.5e-3", "inertial_number = 2e-3")
     small.toml.write_text(text.replace("strain_end = 0.1", "strain_end = 0.05") + "[dem]\ntimestep_factor = 1.0\n")
     small.config, small.yade = read_config(small.toml), "yade"

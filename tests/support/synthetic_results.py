@@ -24,6 +24,7 @@ from analysis.inputs import joint, marginals
 from analysis.points import RepresentativePoints
 from analysis.quantities import RECORD
 from analysis.results import build
+from analysis.surrogates.rotation import deal
 from analysis.tables import evaluate
 
 DENSITIES = (0.001, 0.04, 0.1)
@@ -85,8 +86,9 @@ def representative_points(n=8, seed=1):
 
 
 def plan_rows(folder, points, densities=DENSITIES, families=("coupled",), packings=(1,)):
-    """The table of runs as the campaign writes it: one consolidation per density and packing for all points."""
+    """The table of runs as the campaign writes it: one consolidation per density and packing."""
     rows = []
+    dealt = [packings[r] for r in deal(points.x, len(packings))]
 
     def add(stage, family, point, packing, mu_iso, mu_s, G_p, start=""):
         run_id = f"{stage}_{family}_{point}_iso{mu_iso:g}_s{packing}"
@@ -98,7 +100,7 @@ def plan_rows(folder, points, densities=DENSITIES, families=("coupled",), packin
         for packing in packings:
             first = add("consolidate", "shared", -1, packing, mu_iso, np.nan, 25.7e9)
             for family in families:
-                for point in points:
+                for point in (p for p, own in zip(points, dealt, strict=True) if own == packing):
                     given = (family, point.id, packing, mu_iso, 0.25 if family == "G_p" else point.mu_s, point.G_p)
                     add("shear", *given, start=add("probe", *given, start=first))
     names = ["run_id", "stage", "family", "point", "packing", "mu_iso", "mu_s", "G_p", "product", "start"]

@@ -22,6 +22,7 @@ bootstrap = 19
 [points]
 n = {n}
 [assembly]
+packings = [1]
 N = 64
 [consolidation]
 mu_iso = [0.001, 0.04]

@@ -60,7 +60,7 @@ def test_promised_files_are_there(folder):
     run = folder / "run"
     for name in ("config.toml", "points.csv", "results.h5", "report.html"):
         assert (run / name).stat().st_size > 100, name
-    for name in ("marginals", "copulas", "initial_state", "responses_moments", "peak_critical", "input_bands"):
+    for name in ("marginals", "copulas", "initial_state", "responses_moments", "peak_critical", "moments"):
         assert len(pd.read_csv(run / "tables" / f"{name}.csv")) > 0, name
     assert len(list((run / "figures").glob("fig*.png"))) >= 14
     points = pd.read_csv(run / "points.csv")

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import re
+import shutil
 
 import h5py
 import numpy as np
+import pandas as pd
 import pytest
 import synthetic_results as synthetic
+from hdf5_files import changed_on_purpose
 
 from analysis.points import RepresentativePoints
 from analysis.results.build import build_results
-from analysis.results.collect import ResponsesError
+from analysis.results.collect import ResponsesError, collect
 from analysis.results.reader import read_results
 from analysis.runs.run_file import RunFileError
+from analysis.surrogates.rotation import deal
 
 
 @pytest.fixture(scope="module")
@@ -89,18 +93,30 @@ def test_a_steady_run_is_continued_by_its_critical_average_and_counted(campaign)
     beyond = results.strain > 0.31
     assert response.extended[beyond, early].all() and not response.extended[:, 0].any()
     assert response.values[beyond, early] == pytest.approx(results.state("critical", "eta", 0.1)[early])
-    assert results.counts(0.1)["extended"] == 2
+    assert results.counts(0.1)["extended"] == 1
 
 
-def test_packings_are_averaged_and_kept(tmp_path):
-    plan, points, info = synthetic.make_campaign(tmp_path, n=2, noise=0.02, packings=(1, 2))
-    results = read_results(build_results(tmp_path, plan, points, info))
-    eta = results.response("eta", 0.04)
-    assert eta.replicates.shape == (2, len(results.strain), 2)
-    assert np.abs(eta.replicates[0] - eta.replicates[1]).max() > 0.005
-    assert eta.values == pytest.approx(eta.replicates.mean(axis=0))
-    sets = results.state_replicates("critical", "eta", 0.04)
-    assert results.state("critical", "eta", 0.04) == pytest.approx(sets.mean(axis=0))
+def test_every_point_has_one_packing_the_same_at_every_density(campaign):
+    _, plan, points, results = campaign
+    dealt = deal(points.x, 2) + 1
+    assert sorted(dealt.tolist()) == [1, 1, 2, 2]
+    for mu_iso in synthetic.DENSITIES:
+        assert np.array_equal(results.packing(mu_iso), dealt)
+        assert np.array_equal(results.response("eta", mu_iso).packing, dealt)
+    twice = pd.concat([plan, plan[plan["stage"] == "shear"].assign(packing=3)], ignore_index=True)
+    with pytest.raises(ResponsesError, match="has packings . and 3; a point has one packing"):
+        collect(twice, points)
+
+
+def test_results_of_version_3_have_one_packing(campaign, tmp_path):
+    path = shutil.copy(campaign[-1].path, tmp_path / "results.h5")
+    with changed_on_purpose(path) as file:
+        file.attrs["format_version"] = 3
+        for mu_iso in synthetic.DENSITIES:
+            del file[f"families/coupled/{mu_iso:g}/packing"]
+    results = read_results(path)
+    assert results.packing(0.04).tolist() == [1, 1, 1, 1]
+    assert np.array_equal(results.response("e", 0.1).values, campaign[-1].response("e", 0.1).values)
 
 
 def test_a_failed_run_stays_as_nan_and_its_probability_goes_to_the_others(small):
