@@ -16,7 +16,7 @@ TITLES = {("peak", "eta"): "peak of every point"}
 
 @style.styled
 def along(results: Results, curves: pd.DataFrame) -> Figure:
-    """One state per panel: the points, and the response surface along friction with its 95 % band.
+    """One state per panel: the points, and the denoised values along friction with their 95 % band.
 
     curves: `tables.friction.friction_curves`.
     """

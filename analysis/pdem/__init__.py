@@ -2,7 +2,7 @@
 
 `evolve` gives the PDF along strain, `state_pdf` that of a single state, `joint_pdf.joint_pdf` that of two responses;
 `weighted` holds the statistics of the points themselves, `tails` their exceedance probabilities and quantiles with
-intervals, `bands` the uncertainty of PDFs and moments.
+intervals, `bands` the bands of PDFs that come from the number of pairs.
 Rule: numpy, scipy, `quantities` and `errors_and_files` only; no file and no pandas.  `weighted`, `tails` and `pdf` need
 numpy alone; what needs scipy is imported on first use, so that a reader of results does not load it.
 """
@@ -17,7 +17,6 @@ from .pdf import PDF
 
 _HOMES = {
     "JointPDF": ".joint_pdf",
-    "MomentBands": ".bands",
     "PdemError": ".pdf",
     "evolve": ".evolution",
     "kernel_width": ".evolution",
@@ -25,7 +24,7 @@ _HOMES = {
 }
 #: Names of the version before, for one version: old name -> module and new name.
 _DEPRECATED = {"state_density": (".evolution", "state_pdf")}
-__all__ = ["PDF", "JointPDF", "MomentBands", "PdemError", "evolve", "kernel_width", "state_pdf", "weighted"]
+__all__ = ["PDF", "JointPDF", "PdemError", "evolve", "kernel_width", "state_pdf", "weighted"]
 
 _load, __dir__ = lazy_names(__name__, _HOMES)
 

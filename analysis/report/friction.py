@@ -37,14 +37,14 @@ def density_words(differences: pd.DataFrame) -> str:
     if row["densities"] < 2:
         return "With one density there is nothing to compare at a given friction."
     if not row["differences"]:
-        return ("The effect of the initial density cannot be decided: without replicate packings the noise of a "
-                "packing is not known.")  # fmt: skip
+        return ("The effect of the initial density cannot be decided: with fewer than three packings their noise is "
+                "not known.")  # fmt: skip
     outside = int(row["outside"])
     return (
         f"At the same friction the critical stress ratios of the densities lie within {row['largest_pct']:.1f} % of "
         f"their mean; the differences are known to ± {row['widest_ci95_pct']:.1f} % at worst. {outside or 'None'} of "
         f"{int(row['differences'])} differences {'lie' if outside > 1 else 'lies'} outside their single 95 % "
-        "intervals. Neighbouring frictions share a response surface and are not independent."
+        "intervals. Neighbouring frictions share a model and are not independent."
     )
 
 

@@ -16,13 +16,13 @@ AS_GIVEN = ("mu_iso",)
 #: Column of a frame -> heading on the page.
 HEADINGS = {
     "value_interval": "value (interval)", "here_cov": "here (COV)", "paper_cov": "paper (COV)",
-    "before_shear_cov": "before shear (COV)", "difference_pct": "difference (%)", "mean_interval": "mean (95 %)",
-    "sd_interval": "sd (95 %)", "G_p_GPa": "G_p (GPa)", "only_mu_s": "only mu_s", "only_G_p": "only G_p",
+    "before_shear_cov": "before shear (COV)", "difference_pct": "difference (%)", "G_p_GPa": "G_p (GPa)",
+    "only_mu_s": "only mu_s", "only_G_p": "only G_p",
     "q05": "5%", "q50": "50%", "q95": "95%", "W1_average": "W1, average", "mean_deg": "mean",
-    "q05_points_deg": "5 % of points", "run_of_the_largest": "run of the largest",
+    "sd_deg": "sd", "q05_deg": "5%", "q95_deg": "95%", "run_of_the_largest": "run of the largest",
     "steady_early": "steady early", "core_hours": "core-hours", "mean_steps": "steps, mean",
     "sd_of_points": "spread of points", "run_error": "error of one run",
-    "noise_variance_share": "noise, share of variance", "between_packings": "between packings",
+    "packing": "noise of packings", "own": "noise of single runs", "noise": "noise, both",
     "kernel_width": "kernel width", "spacing_of_points": "spacing of points", "runs_share": "from runs",
     "off_diagonal_pct": "off-diagonal / sigma_1", "eta_windows_pct": "eta, by windows",
     "eta_mean_pct": "eta, of the mean tensor",

@@ -17,10 +17,14 @@ def sources(frames: Frames) -> str:
     shares = frames["variance_sources"]
     if not len(shares):
         return page.paragraph(
-            f"Too few runs for a response surface: it needs at least {FEWEST_RUNS} points per density."
+            f"Too few runs for shares of the variance: they need at least {FEWEST_RUNS} points per density."
         )
     parts = ("only_mu_s", "only_G_p", "shared", "noise")
-    shares = shares.drop(columns=["loo_error", "unit"]).assign(**{k: [f"{v:.2f}" for v in shares[k]] for k in parts})
+    shares = shares[["quantity", "state", "mu_iso", *parts, "packing", "own"]].assign(
+        **{k: [f"{v:.2f}" for v in shares[k]] for k in parts},
+        **{k: [f"{v:.2f} ({a:.2f}–{b:.2f})" if v == v else "–" for v, a, b in
+               zip(shares[k], shares[f"{k}_low"], shares[f"{k}_high"], strict=True)] for k in ("packing", "own")},
+    )  # fmt: skip
     check = frames["monte_carlo"]
     check = check[check["quantity"].isin(("eta", "e", "Z", "G_0"))]
     compared = {name: [f"{page.number(a)} ({100 * difference:+.1f})"
@@ -32,13 +36,13 @@ def sources(frames: Frames) -> str:
     return "".join((
         page.paragraph(wording.SOURCES),
         page.table(
-            shares.sort_values(["quantity", "state", "mu_iso"]), "Shares of the variance over the points", digits=2
+            shares.sort_values(["quantity", "state", "mu_iso"]), "Shares of the variance (95 % intervals)", digits=2
         ),
         page.table(
             check[["state", "mu_iso"]].assign(**compared, quantity=page.headings(check))
             [["quantity", "state", "mu_iso", *compared]],
-            "Moments and quantiles of the points; in brackets their difference from Monte Carlo through the response "
-            "surface, in % of its standard deviation with noise",
+            "Moments and quantiles of the points; in brackets their difference from Monte Carlo through the model with "
+            "noise, in % of its standard deviation",
             stack=True,
         ),
         page.table(
@@ -53,30 +57,34 @@ def replay(frames: Frames) -> str:
     """HTML on the stopping rule applied in hindsight."""
     frame = frames["stopping_replay"]
     if not len(frame):
-        return page.paragraph("This cannot be judged: points were spared, or too few were run for a response surface.")
+        return page.paragraph("This cannot be judged: points were spared, or too few were run.")
     shares = ("share_of_runs", "claimed", "error_all_runs", "error_surface")
     shown = frame.assign(**{name: [f"{v:.1%}" for v in frame[name]] for name in shares})
     return page.paragraph(wording.REPLAY) + page.table(shown, "The stopping rule in hindsight", stack=True)
 
 
 def friction_angles(frames: Frames) -> str:
-    """HTML of the friction angles with their bands."""
+    """HTML of the friction angles with their intervals."""
     frame = frames["design"]
-    names = ("mean_deg", "q05_points_deg")
+    names = ("mean_deg", "sd_deg", "q05_deg", "q95_deg")
     shown = frame.assign(**{name: [f"{v:.1f} ({a:.1f}–{b:.1f})" if v == v else "withheld" for v, a, b in zip(
         frame[name], frame[f"{name}_low"], frame[f"{name}_high"], strict=True)] for name in names})  # fmt: skip
-    caption = "Mean and characteristic friction angles (degrees)"
-    return page.paragraph(wording.FRICTION_ANGLES) + page.table(shown[["mu_iso", "state", "standing", *names]], caption)
+    caption = "Friction angles (degrees): mean, standard deviation, 5 % (characteristic) and 95 % quantile"
+    columns = ["mu_iso", "state", "standing", "kind", *names]
+    return page.paragraph(wording.FRICTION_ANGLES) + page.table(shown[columns], caption, stack=True)
 
 
 def noise_and_proofs(frames: Frames) -> str:
     """HTML of the proofs, the drift, the noise of packings, the bands, the PDF widths and the lost probability."""
     parts = [page.table(frames["proofs"], "Checks of the shear runs", stack=True)]
     parts += map(page.paragraph, wording.proof_notes(frames))
+    noise = frames["noise"]
+    intervals = {name: page.intervals(noise, name, "–") for name in ("packing", "own")}
+    noise = noise.assign(**intervals, quantity=page.headings(noise))
     parts.append(page.table(
-        frames["noise"].assign(quantity=page.headings(frames["noise"])).drop(columns="unit"),
-        "Noise in the spread: standard deviation over the points, standard error of one run's critical average, "
-        "scatter between packings, and the error that all points of a density may share",
+        noise[["quantity", "mu_iso", "sd_of_points", "packing", "own", "run_error"]],
+        "Noise at the critical state: standard deviation over the points, of packings and of single runs (95 % "
+        "intervals), and the standard error of one run's average from its own fluctuation",
         stack=True,
     ))  # fmt: skip
     if len(frames["stress_axes"]):
@@ -88,7 +96,6 @@ def noise_and_proofs(frames: Frames) -> str:
     if len(frames["rowe"]):
         parts.append(page.paragraph(wording.ROWE))
         parts.append(page.table(frames["rowe"], "Rowe's ratio at the peak: mean and range over the points", digits=3))
-    parts += _bands(frames["moment_bands"])
     parts.append(page.table(
         frames["pdf_widths"].assign(quantity=page.headings(frames["pdf_widths"])).drop(columns="unit"),
         "Width of the PDFs: kernel beside the spread of the points, at the last strain",
@@ -97,18 +104,6 @@ def noise_and_proofs(frames: Frames) -> str:
     if losses[["failed", "extended", "lost_probability"]].any(axis=None):
         parts.append(page.table(losses, "Failed and continued shear runs, and their probability", stack=True))
     return "".join(parts)
-
-
-def _bands(frame: pd.DataFrame) -> list[str]:
-    if not len(frame):
-        return []
-    shown = frame.assign(
-        quantity=page.headings(frame), mean=page.intervals(frame, "mean", "–"), sd=page.intervals(frame, "sd", "–")
-    )
-    caption = ("95 % bands of means and standard deviations; last, the share of the mean's squared error that comes "
-               "from the runs")  # fmt: skip
-    columns = ["quantity", "state", "mu_iso", "mean", "sd", "runs_share"]
-    return [page.paragraph(wording.BANDS), page.table(shown[columns], caption, stack=True, digits=2)]
 
 
 def other_runs(frames: Frames) -> str:

@@ -81,7 +81,7 @@ def sections(content: Content, name: str) -> list[tuple[str, str]]:
         ("Joint PDFs", _pictures(content, "fig14", "fig15")),
         ("The effect of friction", _pictures(content, "fig16") + friction.friction(frames)),
         ("Sources of the scatter", reliability.sources(frames)),
-        ("Uncertainty from the number of pairs", input_bands_html(results, frames)),
+        ("Moments and quantiles with their uncertainty", moments_html(results, frames)),
         ("Friction angles for design", reliability.friction_angles(frames)),
         ("How many runs would have been enough", reliability.replay(frames)),
         ("Other sizes and rates, and other grains", reliability.other_runs(frames)),
@@ -203,25 +203,28 @@ def _behaviour(content: Content) -> str:
     return _pictures(content, "fig08", "fig09", "fig10", "fig11", "fig12") + table
 
 
-def input_bands_html(results: Results, frames: Mapping[str, pd.DataFrame]) -> str:
-    """HTML on the uncertainty from the number of pairs: moments with bands, or a sentence that there are none."""
-    frame = frames["input_bands"]
+def moments_html(results: Results, frames: Mapping[str, pd.DataFrame]) -> str:
+    """HTML of the states' moments and quantiles, denoised and as simulated, or a sentence that there are none."""
+    frame = frames["moments"]
     if not len(frame):
-        return page.paragraph("The inputs were not refitted to resampled pairs, so there are no bands from them.")
+        return page.paragraph("There are too few runs for moments with intervals.")
     shown = frame.assign(quantity=page.headings(frame))
-    for name in ("mean", "sd"):
-        shown[f"{name}_interval"] = page.intervals(frame, name, " … ")
-    shown = shown[["quantity", "state", "mu_iso", "mean_interval", "sd_interval"]].sort_values(["quantity", "state"])
-    caption = "Moments over the points with bands from resampling the pairs"
-    return page.paragraph(wording.open_inputs(results, frames["report_facts"].iloc[0])) + page.table(
-        shown, caption, stack=True
-    )
+    for name in ("mean", "sd", "q05", "q95"):
+        shown[name] = page.intervals(frame, name, " … ")
+    columns = ["quantity", "state", "mu_iso", "kind", "mean", "sd", "q05", "q95", "runs_share"]
+    shown = shown.sort_values(["quantity", "state", "mu_iso", "kind"], ascending=[True, True, True, False])
+    notes = (wording.MOMENTS, wording.open_inputs(results, frames["report_facts"].iloc[0]))
+    text = "".join(map(page.paragraph, notes))
+    caption = "Mean, standard deviation, 5 % and 95 % quantile of the states, with 95 % intervals"
+    return text + page.table(shown[columns], caption, stack=True, digits=2)
 
 
 def _claims(claims: pd.DataFrame) -> str:
     columns = (claims["value"], claims["low"], claims["high"], claims["criterion"])
     values = [f"{page.number(v)} ({page.number(a)} … {page.number(b)}), criterion {limit}"
               for v, a, b, limit in zip(*columns, strict=True)]  # fmt: skip
+    needed = [f"; about {n:.0f} points would decide" if n == n else "" for n in claims["points_to_decide"]]
+    values = [value + more for value, more in zip(values, needed, strict=True)]
     shown = claims.assign(value_interval=values)[["claim", "verdict", "value_interval", "number"]]
     return page.paragraph(wording.CLAIMS) + page.table(shown, stack=True)
 

@@ -48,8 +48,8 @@ CAPTIONS = {
     "kernels widen the PDFs; the correlation given is that of the points.",
     "fig15": "Figure 15. Joint PDFs of the critical stress ratio with the two coordination numbers.",
     "fig16": "Figure 16. Not in the paper: peak and critical state along interparticle friction. Every point, with its "
-    "peak at the strain that is pooled over the points, and the response surface at the modulus that the regression "
-    "on friction gives, with the 95 % band of the surface and, where replicate packings measure it, of packings.",
+    "peak at the strain that is pooled over the points, and the denoised values at the modulus that the regression on "
+    "friction gives, with their 95 % band.",
 }
 
 
@@ -65,34 +65,34 @@ def caption(results: Results, name: str) -> str:
 
 
 CLAIMS = (
-    "Each claim became a number with a 95 % interval from resampling the points, in which the noise of the packing is "
-    "a shift common to all points of a density. A claim is supported if the whole interval meets the criterion, "
-    "contradicted if no part of it does, and inconclusive otherwise. The criteria are this project's reading of the "
-    "paper's words."
+    "Each claim became a number of the denoised values with a 95 % interval. A claim is supported if the whole "
+    "interval meets the criterion, contradicted if no part of it does, and inconclusive otherwise. For an inconclusive "
+    "claim the number of points is given with which its interval would be narrow enough, if its value is the true one. "
+    "Every interval stands alone: of some thirty claims, one or two intervals are expected to miss the true value. The "
+    "criteria are this project's reading of the paper's words."
+)
+
+MOMENTS = (
+    "Denoised: what the grain properties do, from a model of all runs of a density (a smooth function of mu_s and G_p, "
+    "the noise of packings, and that of single runs). As simulated: what one specimen of the simulated number of "
+    "spheres does, with both kinds of noise. Quote the denoised numbers for the effect of the grain properties."
 )
 
 SOURCES = (
     "Interparticle friction and shear modulus depend on each other, so each explains most of what the other explains. "
     "The table splits each variance into the part that only one of them adds once the other is known, the part that "
-    "either explains (shared), and the part that a smooth response surface over both leaves over (noise of the "
-    "packing). The next table compares moments and quantiles of the points with Monte Carlo samples through that "
-    "surface, which has no noise (the quantiles include the noise of the runs). The last one compares PDEM's PDFs "
-    "along strain with such samples, noise included."
+    "either explains (shared), and the noise of packings and single runs, which a model of all runs separates. The "
+    "next table compares moments and quantiles of the points with Monte Carlo samples through this model, without "
+    "noise for mean and sd and with it for the quantiles. The last one compares PDEM's PDFs along strain with such "
+    "samples, noise included."
 )
 
 REPLAY = (
     "All points were run, so the rule that stops a campaign once it has enough runs can be judged in hindsight. The "
     "rule is applied to these runs, batch by batch in its own order, and its claim is compared with what the other "
     "runs show. Errors are Wasserstein distances over the standard deviation, the worst over peak and critical stress "
-    "ratio and critical void ratio at all densities. The claim is about the response surface; the distance to all runs "
-    "contains their noise."
-)
-
-BANDS = (
-    "Uncertainty of means and standard deviations: 95 % bands from the noise of the runs, from the error that the "
-    "points of a density share through their packing where it is known, and from the number of pairs, to which the "
-    "inputs are refitted. Both numbers are those of the response surface, without the scatter of single runs, which "
-    "increases the standard deviations of the other tables."
+    "ratio and critical void ratio at all densities. The claim is about the denoised values; the distance to all runs "
+    "contains their noise. With fewer than three packings the rule cannot judge and claims nothing."
 )
 
 STRESS_AXES = (
@@ -118,8 +118,8 @@ ROWE = (
 )
 
 FRICTION_ANGLES = (
-    "Friction angles in degrees in triaxial compression, sin φ = 3η/(6+η), with 95 % bands from resampling the points, "
-    "from the noise of the packing and from the finite set of pairs. Every run gives all its grains one pair of "
+    "Friction angles in degrees in triaxial compression, sin φ = 3η/(6+η), with 95 % intervals. Denoised: a large "
+    "volume of soil; as simulated: a specimen of the simulated size. Every run gives all its grains one pair of "
     "properties, so the spread is that of a population's mean properties, not the scatter within one deposit."
 )
 
@@ -241,11 +241,12 @@ def initial_states(facts: pd.Series, collapse: pd.DataFrame) -> str:
 def open_inputs(results: Results, facts: pd.Series) -> str:
     """How the bands from the pairs were made, and what they do not contain."""
     return (
-        f"With {len(results.pairs)} pairs the fitted input distribution is itself uncertain. The pairs were resampled "
-        f"{facts['refitted']} times, the marginals and the copula were refitted (their families kept), and the points "
-        "received the probabilities that each refitted distribution gives them; no run is repeated. The bands here, "
-        "and those around the PDFs at the peak, at the critical state and of the stiffness in the figures, hold 95 % "
-        "of the outcomes. They do not contain packing noise or the choice of families."
+        f"With {len(results.pairs)} pairs the fitted input distribution is itself uncertain. The pairs were resampled, "
+        "and the marginals and the copula were refitted (their families kept); no run is repeated. The intervals "
+        "contain this and the error of the model. The last column is the share of the squared width of the mean's "
+        "interval that more or larger runs could remove; the rest comes from the number of pairs. The bands around the "
+        "PDFs at the peak, at the critical state and of the stiffness in the figures contain the uncertainty of the "
+        f"pairs only, from {facts['refitted']} refits. The choice of families is in no interval."
     )
 
 
@@ -313,26 +314,21 @@ def proof_notes(frames: Frames) -> list[str]:
 
 
 def packing(design: pd.DataFrame) -> str:
-    """How noise that all points of a density share is allowed for, from `run_quality.packing_design`."""
+    """What is known of the noise of packings, from `run_quality.packing_design`."""
     row = design.iloc[0]
-    text = (
-        "All points of a density start from the same packing, so part of the noise of a run is common to them. It does "
-        "not average out over the points; only replicate packings or more spheres show it or reduce it. "
-    )
-    if not row["compared"]:
-        return text + (
-            "The intervals of the claims allow for it by the standard error of one run where that is known; otherwise "
-            "the affected claims are inconclusive."
+    if row["packings"] == 1:
+        return (
+            "All points of a density start from the same packing, so part of the noise of a run is common to them. It "
+            "does not average out over the points, and it is not known: the intervals of means and quantiles do not "
+            "contain it, and those of the claims contain the standard error of one run in its place. Several packings "
+            "(assembly.packings) would show it."
         )
-    removed = (
-        "The offset of the first packing at these points is subtracted at all points, along the strain and in every "
-        "state, times the share of it that belongs to the packing and is not scatter of single runs. "
-        if row["levelled"] else ""
-    )  # fmt: skip
+    text = f"The {row['points']} points of a density use {row['packings']} packings. "
+    if not row["known"]:
+        return text + "That is too few to know the noise of packings; the intervals are too narrow."
     return text + (
-        f"Here {row['packings']} packings serve {row['points']} of the points. {removed}The intervals of claims, "
-        "friction angles and means allow for the rest: the scatter between packings of the mean over these points, "
-        "pooled over the densities."
+        "A model of all runs separates what the grain properties do from what packings and single runs add, and all "
+        "intervals contain the error that this noise leaves."
     )
 
 
@@ -346,7 +342,7 @@ def drift_words(frame: pd.DataFrame) -> list[str]:
         for row in frame.itertuples()
     )
     basis = (
-        "the points that all packings serve, with the error between packings" if frame["between_packings"].all()
+        "the runs of a density, with the error between its packings" if frame["between_packings"].all()
         else "the runs of a density, with the standard error as if runs of one packing were independent"
     )  # fmt: skip
     return [f"Drift from the beginning to the end of the critical part, mean over {basis}: {drifts}."]

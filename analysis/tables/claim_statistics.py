@@ -1,4 +1,4 @@
-"""The statistics behind the claims: numbers of one family's points, as simulated or resampled.
+"""The statistics behind the claims: numbers of one family's points, denoised or as one draw of the model.
 
 Each statistic takes {family: Sample} and returns one number, NaN where the campaign cannot give it.
 """
@@ -6,86 +6,78 @@ Each statistic takes {family: Sample} and returns one number, NaN where the camp
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from scipy import special, stats
 
-from ..pdem import evolution, weighted
+from ..pdem import weighted
 from ..quantities import CONSOLIDATED
 from ..results.reader import Results
 from ..runs import peak_critical
+from ..surrogates.surrogate import Surrogate
 from . import published
-from .packing_noise import common_curves, common_error, own_error, values_drawn
+from .pooled_states import curve_model, state_model
 
 #: Half-width, in strain, over which mean curves are smoothed.
 SMOOTHER = 0.04
-#: Response surfaces drawn for points that were not run.
-SURFACES = 100
+#: Draws of the model.
+DRAWS = 200
 #: States and quantities of the grading indices that the paper states.
 GRADING = [(state, symbol) for state in ("peak", "critical") for symbol in ("I_G_active", "I_G_stress")]
 
 
 @dataclass(frozen=True, eq=False)
-class PointSet:
-    """One family's Q points at D densities; every array is read from the results once.
+class Sample:
+    """One family's Q points at D densities, with the denoised values (`draw` None) or those of one draw of the model.
 
-    Arrays have the densities first: probability (D, Q), values (D, Q), curves (D, T, Q).
+    Arrays have the densities first.  `scale` multiplies the differences of the densities from their mean
+    (`claims.inverted`).  With one packing, the model does not know what the points share through it: a draw then also
+    shifts each density by a normal error, the standard error of one run, as if all of it were shared.
     """
 
     results: Results
     family: str
     densities: tuple[float, ...]
-    _read: dict[Hashable, Any] = field(default_factory=dict, repr=False)
+    draw: int | None = None
+    scale: float = 1.0
 
+    @property
     def probability(self) -> np.ndarray:
-        """Probabilities (D, Q) of the points at every density."""
+        """Probabilities (D, Q) of the points; those of each density sum to 1."""
         return self._once("probability", lambda: self._stack(self.results.probability))
 
     def inputs(self, name: str) -> np.ndarray:
         """Values (Q,) of mu_s or G_p at the points."""
         return self._once(("inputs", name), lambda: self.results.family_points(self.family)[name])
 
+    def state(self, state: str, symbol: str) -> np.ndarray:
+        """Values (D, Q) of a quantity at a state; NaN where there are too few runs for a model."""
+        if self.draw is None:
+            return self.values(state, symbol)
+        return self.values(state, symbol) + self._once(("state", state, symbol), lambda: None)[2][:, self.draw, None]
+
     def values(self, state: str, symbol: str) -> np.ndarray:
-        """Values (D, Q) of a quantity at a state."""
-        return self._once(
-            ("values", state, symbol), lambda: self._stack(lambda *at: self.results.shown_state(state, symbol, *at))
-        )
+        """Values (D, Q) for numbers that an error which all points of a density share does not change."""
+        fitted, drawn, _ = self._once(("state", state, symbol), lambda: self._state(state, symbol))
+        values = fitted if self.draw is None else drawn[:, self.draw]
+        return values + (self.scale - 1.0) * (fitted - fitted.mean(axis=0))
 
-    def drawn_values(self, state: str, symbol: str) -> np.ndarray:
-        """Values (D, SURFACES, Q) in which points that were not run are drawn (`packing_noise.values_drawn`)."""
-        return self._once(
-            ("drawn", state, symbol),
-            lambda: self._stack(lambda m, family: values_drawn(self.results, state, symbol, m, family, SURFACES)),
-        )
+    def curve(self, symbol: str) -> np.ndarray:
+        """Mean (D, T) of a response along strain."""
+        fitted, drawn = self._once(("curve", symbol), lambda: self._curve(symbol))
+        return fitted if self.draw is None else drawn[:, self.draw]
 
-    def curves(self, symbol: str) -> np.ndarray:
-        """Values (D, T, Q) of a response along strain."""
-        return self._once(
-            ("curves", symbol), lambda: self._stack(lambda *at: self.results.response(symbol, *at).values)
-        )
+    def noise(self, state: str, symbol: str) -> np.ndarray:
+        """Standard deviations (D,) of a single run about the denoised values."""
+        models = self.models(state, symbol)
+        return np.array([np.nan if model is None else model.noise[0] for model in models])
 
-    def common_error(self, state: str, symbol: str) -> tuple[np.ndarray, float]:
-        """`packing_noise.common_error`: error (D,) that all points of a density may share, and degrees of freedom."""
-        return self._once(
-            ("common error", state, symbol), lambda: common_error(self.results, state, symbol, self.family)
-        )
-
-    def common_curves(self, symbol: str) -> list[np.ndarray | None]:
-        """`packing_noise.common_curves` of every density."""
-        return self._once(
-            ("common curves", symbol),
-            lambda: [common_curves(self.results, symbol, mu_iso, self.family) for mu_iso in self.densities],
-        )
-
-    def own_error(self, state: str, symbol: str, k: int) -> tuple[float, int]:
-        """`packing_noise.own_error` of density k: variance that packings add to single points, degrees of freedom."""
-        return self._once(
-            ("own error", state, symbol, k),
-            lambda: own_error(self.results, state, symbol, self.densities[k], self.family),
-        )
+    def models(self, state: str, symbol: str) -> list[Surrogate | None]:
+        """The model of a quantity at a state, per density."""
+        return [state_model(self.results, state, symbol, mu_iso, self.family) for mu_iso in self.densities]
 
     def consolidated(self, symbol: str) -> list[tuple[np.ndarray, np.ndarray]]:
         """Values and probabilities after consolidation, one pair per density."""
@@ -98,110 +90,50 @@ class PointSet:
         strain = self.results.strain
         return self._once("smoother", lambda: peak_critical.smooth(strain, np.eye(len(strain)), width=SMOOTHER))
 
-    def spread(self, state: str, symbol: str) -> np.ndarray:
-        """Standard deviation (D,) of a quantity at a state over all points."""
-        return weighted.std(self.values(state, symbol), self.probability())
+    def _state(self, state: str, symbol: str) -> tuple[np.ndarray, ...]:
+        """Denoised values (D, Q), draws (D, DRAWS, Q), and shifts (D, DRAWS) where there is one packing."""
+        parts, points = [], self.results.family_points(self.family).x
+        for k, model in enumerate(self.models(state, symbol)):
+            if model is None:
+                unknown = np.full(len(points), np.nan)
+                parts.append((unknown, np.tile(unknown, (DRAWS, 1)), np.zeros(DRAWS)))
+                continue
+            rng, shift = np.random.default_rng([k, *f"{state}/{symbol}".encode()]), np.zeros(DRAWS)
+            if model.packings == 1:
+                error = self.results.state_error(state, symbol, self.densities[k], self.family)
+                scale = np.nan if error is None else np.sqrt(np.nanmean(error**2))
+                shift = scale * rng.normal(size=DRAWS)
+            parts.append((model.predict(points)[0], model.draws(DRAWS, rng).predict(points)[:, 0], shift))
+        return tuple(np.array(part) for part in zip(*parts, strict=True))
+
+    def _curve(self, symbol: str) -> tuple[np.ndarray, np.ndarray]:
+        """Denoised means (D, T) and draws (D, DRAWS, T); draws are NaN where packings are not known."""
+        parts, points = [], self.results.family_points(self.family).x
+        for mu_iso, probability in zip(self.densities, self.probability, strict=True):
+            model = curve_model(self.results, symbol, mu_iso, self.family)
+            if model is None:
+                unknown = np.full(len(self.results.strain), np.nan)
+                parts.append((unknown, np.tile(unknown, (DRAWS, 1))))
+                continue
+            mean = model.basis(points).T @ probability
+            drawn = model.draws(DRAWS, np.random.default_rng(1)).coefficients @ mean
+            parts.append((model.coefficients @ mean, drawn if model.knows_packings else np.full_like(drawn, np.nan)))
+        fitted, drawn = (np.array(part) for part in zip(*parts, strict=True))
+        return fitted, drawn
 
     def _stack(self, read: Callable[..., np.ndarray]) -> np.ndarray:
         return np.array([read(mu_iso, self.family) for mu_iso in self.densities])
 
-    def _once(self, key: Hashable, make: Callable[[], Any]) -> Any:
-        if key not in self._read:
-            self._read[key] = make()
-        return self._read[key]
-
-
-@dataclass(frozen=True)
-class Resample:
-    """One bootstrap draw: which points, the shared error of each density, and what else is random.
-
-    index (Q,): the points drawn with replacement.  shift (D,): the error that all points of a density share, in units
-    of `packing_noise.common_error`.  surface: the response surface that gives the points that were not run.
-    noise_seed: seed of the errors along strain and of the noise of packings.
-    """
-
-    index: np.ndarray
-    shift: np.ndarray
-    surface: int
-    noise_seed: int
-
-
-@dataclass(frozen=True)
-class Sample:
-    """The points of one family as simulated (`resample` None), or one bootstrap draw of them."""
-
-    points: PointSet
-    resample: Resample | None = None
-
-    @property
-    def densities(self) -> tuple[float, ...]:
-        """The densities mu_iso, ascending."""
-        return self.points.densities
-
-    @property
-    def probability(self) -> np.ndarray:
-        """Probabilities (D, Q) of the drawn points; those of each density sum to 1."""
-        return weighted.normalised(self._drawn(self.points.probability()))
-
-    def inputs(self, name: str) -> np.ndarray:
-        """Values (Q,) of mu_s or G_p at the drawn points."""
-        return self._drawn(self.points.inputs(name))
-
-    def state(self, state: str, symbol: str) -> np.ndarray:
-        """Values (D, Q) of a quantity at a state, with the densities' shared errors; NaN where these are unknown."""
-        values = self.values(state, symbol)
-        if self.resample is None:
-            return values
-        return values + (self.resample.shift * self.points.common_error(state, symbol)[0])[:, None]
-
-    def values(self, state: str, symbol: str) -> np.ndarray:
-        """Values (D, Q) without shared errors, for numbers that these do not change."""
-        if self.resample is None:
-            return self._drawn(self.points.values(state, symbol))
-        return self._drawn(self.points.drawn_values(state, symbol)[:, self.resample.surface])
-
-    def noise(self, state: str, symbol: str, k: int) -> float:
-        """Variance that packings add to single points of density k (`packing_noise.own_error`); 0 if not known.
-
-        In a resample: that estimate times its degrees of freedom over a chi-squared number of as many.
-        """
-        variance, freedom = self.points.own_error(state, symbol, k)
-        if self.resample is not None and freedom:
-            rng = np.random.default_rng([self.resample.noise_seed, k, *f"{state}/{symbol}".encode()])
-            variance *= freedom / rng.chisquare(freedom)
-        return float(np.nan_to_num(variance))
-
-    def curve(self, symbol: str) -> np.ndarray:
-        """Values (D, T, Q) along strain; a resample adds an error common to all points, NaN where it is not known."""
-        values = self._drawn(self.points.curves(symbol))
-        return values if self.resample is None else values + self._common_curve(symbol)[:, :, None]
-
-    def _drawn(self, values: np.ndarray) -> np.ndarray:
-        return values if self.resample is None else values[..., self.resample.index]
-
-    def _common_curve(self, symbol: str) -> np.ndarray:
-        """A drawn error (D, T) along strain that all points of a density share; NaN where there are no replicates."""
-        assert self.resample is not None
-        unknown = np.full(len(self.points.results.strain), np.nan)
-        return np.array([unknown if curves is None
-                         else np.random.default_rng([self.resample.noise_seed, k]).normal(size=len(curves)) @ curves
-                         for k, curves in enumerate(self.points.common_curves(symbol))])  # fmt: skip
+    def _once(self, key: Any, make: Callable[[], Any]) -> Any:
+        return self.results.cached(("claims", self.family, key), make)
 
 
 Samples = dict[str, Sample]
 
 
-def full_sample(results: Results, family: str) -> Sample:
-    """All points of a family as they were simulated."""
-    return Sample(PointSet(results, family, results.family_densities(family)))
-
-
-def drawn_sample(sample: Sample, rng: np.random.Generator) -> Sample:
-    """The same points drawn with replacement, with errors that all points of a density share."""
-    count = len(sample.points.inputs("mu_s"))
-    index, shift = rng.integers(count, size=count), rng.normal(size=len(sample.densities))
-    surface, noise_seed = int(rng.integers(SURFACES)), int(rng.integers(2**31))
-    return Sample(sample.points, Resample(index, shift, surface, noise_seed))
+def sample(results: Results, family: str, draw: int | None = None) -> Sample:
+    """The points of a family, denoised or as one draw of the model."""
+    return Sample(results, family, results.family_densities(family), draw)
 
 
 def _largest(values: Iterable[float]) -> float:
@@ -216,9 +148,10 @@ def _least(values: Iterable[float]) -> float:
 
 
 def _distance(sample: Sample, state: str, symbol: str, a: int, b: int) -> float:
-    """Wasserstein distance of two densities over the mean standard deviation of all their points."""
+    """Wasserstein distance of two densities over the mean standard deviation of their denoised values."""
     values, probability = sample.state(state, symbol)[[a, b]], sample.probability[[a, b]]
-    spread = sample.points.spread(state, symbol)[[a, b]].mean()
+    denoised = replace(sample, draw=None, scale=1.0).state(state, symbol)[[a, b]]
+    spread = float(np.mean(weighted.std(denoised, probability)))
     return weighted.wasserstein(*values, *probability) / spread if spread > 0 else np.nan
 
 
@@ -230,8 +163,9 @@ def largest_distance(samples: Samples, states: Sequence[str], symbol: str) -> fl
 
 
 def packing_noise_is_known(samples: Samples, states: Sequence[str], symbol: str) -> bool:
-    """Whether replicate packings measure the difference between packings of a quantity at the states."""
-    return all(0 < samples["coupled"].points.common_error(state, symbol)[1] < np.inf for state in states)
+    """Whether there are enough packings to know how much of a difference between densities is due to them."""
+    models = [model for state in states for model in samples["coupled"].models(state, symbol)]
+    return all(model is not None and model.knows_packings for model in models)
 
 
 def end_distance(samples: Samples, state: str, symbol: str) -> float:
@@ -241,16 +175,16 @@ def end_distance(samples: Samples, state: str, symbol: str) -> float:
 
 
 def share_within(samples: Samples, state: str, symbol: str, mu_iso: float, low: float, high: float) -> float:
-    """Probability of a range under the points with kernels of the width of the shown PDF."""
+    """Probability of a range for a specimen of the paper's size: the denoised points with the noise of such a run.
+
+    That is the noise of a run here, which falls with the root of the number of spheres.
+    """
     sample = samples["coupled"]
     k = sample.densities.index(mu_iso)
-    values, probability = sample.state(state, symbol)[k], sample.probability[k]
-    known = np.isfinite(values)
-    if not known.any():
-        return np.nan
-    values, probability = values[known], weighted.normalised(probability[known])
-    width = max(evolution.kernel_width(values[None], probability[None])[0], 1e-9 * abs(high))
-    return probability @ (special.ndtr((high - values) / width) - special.ndtr((low - values) / width))
+    values, probability, noise = sample.state(state, symbol)[k], sample.probability[k], sample.noise(state, symbol)[k]
+    spheres = float(sample.results.runs.loc[sample.results.runs["N"] > 0, "N"].min())
+    width = max(noise * min(np.sqrt(spheres / published.PARTICLES), 1.0), 1e-9 * abs(high))
+    return float(probability @ (special.ndtr((high - values) / width) - special.ndtr((low - values) / width)))
 
 
 def effect_of_G_p(samples: Samples, alone: bool) -> float:
@@ -270,6 +204,9 @@ def _slopes_on_G_p(sample: Sample, values: np.ndarray, alone: bool) -> Iterator[
     log_G, log_mu = np.log(sample.inputs("G_p")), np.log(sample.inputs("mu_s"))
     for of_density, probability in zip(values, sample.probability, strict=True):
         known = np.isfinite(of_density) & (probability > 0)
+        if not known.any():
+            yield np.nan, np.nan
+            continue
         columns = [np.ones(known.sum()), log_G[known]] + ([] if alone else [log_mu[known], log_mu[known] ** 2])
         root = np.sqrt(probability[known])
         slope = np.linalg.lstsq(np.stack(columns, 1) * root[:, None], of_density[known] * root, rcond=None)[0][1]
@@ -303,13 +240,13 @@ def steady_strain(samples: Samples, symbol: str, tolerance: float) -> float:
     Judged where the smoothing has rows on both sides: at the end of the record it follows the last few.
     """
     sample = samples["coupled"]
-    strain = sample.points.results.strain
+    strain = sample.results.strain
     if strain[-1] < published.STEADY_STRAIN + 2 * peak_critical.CORRELATION_STRAIN:
         return np.nan
     last = strain >= max(published.STEADY_STRAIN, 0.75 * strain[-1])
     starts = []
-    for values, probability in zip(sample.curve(symbol), sample.probability, strict=True):
-        mean = sample.points.smoother() @ weighted.mean(values, probability)
+    for curve in sample.curve(symbol):
+        mean = sample.smoother() @ curve
         if not np.isfinite(mean).all():
             return np.nan
         final = mean[last].mean()
@@ -326,24 +263,14 @@ def grading_distance(samples: Samples) -> float:
 
 
 def grading_cov(samples: Samples) -> float:
-    """Largest coefficient of variation of I_G_active and I_G_stress, at peak and critical state.
-
-    The noise of packings is no variation with the grains' properties: where replicates measure it, it is subtracted, in
-    the squares.
-    """
-    sample, covs = samples["coupled"], []
-    for state, symbol in GRADING:
-        values, probability = sample.values(state, symbol), sample.probability
-        for k in range(len(sample.densities)):
-            noise = sample.noise(state, symbol, k) / float(weighted.mean(values[k], probability[k])) ** 2
-            covs.append(np.sqrt(max(float(weighted.cov(values[k], probability[k])) ** 2 - noise, 0.0)))
-    return _largest(covs)
+    """Largest coefficient of variation of I_G_active and I_G_stress with the inputs, at peak and critical state."""
+    sample = samples["coupled"]
+    return _largest(np.ravel([weighted.cov(sample.values(*of), sample.probability) for of in GRADING]))
 
 
-def grading_noise_is_known(samples: Samples) -> bool:
-    """Whether replicates measure the noise of packings in I_G_active and I_G_stress at all states and densities."""
-    points = samples["coupled"].points
-    return all(points.own_error(*of, k)[1] > 0 for of in GRADING for k in range(len(points.densities)))
+def has_full_size(samples: Samples) -> bool:
+    """Whether the runs have at least as many spheres as the paper's."""
+    return bool(samples["coupled"].results.runs["N"].min() >= published.PARTICLES)
 
 
 def never(samples: Samples) -> bool:
@@ -358,16 +285,17 @@ def _initial(samples: Samples, symbol: str) -> np.ndarray:
     consolidation per density the error is not known, and a resample is NaN.
     """
     sample = samples["coupled"]
-    sets = sample.points.consolidated(symbol)
+    sets = sample.consolidated(symbol)
     freedom = sum(len(values) - 1 for values, _ in sets)
     means = np.array([values @ probability if len(values) else np.nan for values, probability in sets])
-    if sample.resample is None:
+    if sample.draw is None:
         return means
     if freedom < 1:
         return np.full(len(means), np.nan)
     squares = sum(np.sum((values / mean - 1) ** 2) for (values, _), mean in zip(sets, means, strict=True))
     error = np.sqrt(squares / freedom) * stats.t.ppf(0.975, freedom) / stats.norm.ppf(0.975)
-    return means * (1 + sample.resample.shift * error / np.sqrt([len(values) for values, _ in sets]))
+    shift = np.random.default_rng([sample.draw, *symbol.encode()]).normal(size=len(means))
+    return means * (1 + shift * error / np.sqrt([len(values) for values, _ in sets]))
 
 
 def initial_step(samples: Samples) -> float:
@@ -391,10 +319,18 @@ def initial_difference(samples: Samples) -> float:
 
 
 def initial_cov(samples: Samples) -> float:
-    """Largest coefficient of variation of e, e_m, Z and Z_m after consolidation; NaN if points share it."""
-    points = samples["coupled"].points
-    sets = [of_density for symbol in CONSOLIDATED for of_density in points.consolidated(symbol)]
-    runs = points.results.runs
-    if ((runs["stage"] == "consolidate") & (runs["point"] < 0)).any() or not all(len(values) for values, _ in sets):
-        return np.nan
-    return _largest(float(weighted.cov(values, probability)) for values, probability in sets)
+    """Largest coefficient of variation of e, e_m, Z and Z_m after consolidation, over the consolidations of a density.
+
+    A draw divides each by the root of a chi-squared number over its degrees of freedom.  NaN with one consolidation.
+    """
+    sample, covs = samples["coupled"], []
+    for symbol in CONSOLIDATED:
+        for k, (values, _) in enumerate(sample.consolidated(symbol)):
+            if len(values) < 2:
+                return np.nan
+            cov = float(values.std(ddof=1) / values.mean())
+            if sample.draw is not None:
+                rng = np.random.default_rng([sample.draw, k, *symbol.encode()])
+                cov *= np.sqrt((len(values) - 1) / rng.chisquare(len(values) - 1))
+            covs.append(cov)
+    return _largest(covs)

@@ -1,14 +1,10 @@
 """Every claim of the paper as a number of this campaign with a 95 % interval, and whether this campaign supports it.
 
-Intervals come from resampling the representative points, all densities together, with their probabilities.  All points
-of a density share a packing, so part of the noise of a run is common to them and resampling cannot show it.  Every
-resample therefore also shifts each density by a normal error (`packing_noise.common_error`): measured on replicate
-packings where they exist, otherwise the standard error of one run, as if all of it were common.  Along strain the error
-is drawn from the replicate packings.  Where the error is not known, a number that it would change is inconclusive.
-Points that were not run come from another response surface in each resample.
-Noise mostly increases a distance, in the value and again in its resamples, so the interval of a distance is the value
-plus and minus the 95 % quantile of the resamples' deviations.  The representative points are spread more evenly than a
-random sample, so the intervals are rather too wide.
+Numbers are those of the denoised values of the points (`pooled_states`).  Intervals come from draws of the model, which
+contain the error that the noise of packings and runs leaves; with fewer than three packings a difference between
+densities cannot contradict a claim, because it may be that of the packings.  Errors increase a distance, in the
+denoised values and again in the draws; therefore their part is subtracted from the value, and the interval holds the
+true distances with which what is found would not be unusual (`inverted`).
 A claim is supported if the whole interval meets its criterion, contradicted if no part of it does, and inconclusive
 otherwise.  Each interval stands alone: of thirty 95 % intervals, one or two are expected to miss the true value.
 """
@@ -16,7 +12,7 @@ otherwise.  Each interval stands alone: of thirty 95 % intervals, one or two are
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -27,6 +23,8 @@ from . import claim_statistics as statistics
 from . import published
 from .claim_statistics import Samples
 
+#: Ends of a 95 % interval, as shares.
+TAILS = (0.025, 0.975)
 SUPPORTED, CONTRADICTED, INCONCLUSIVE = "supported", "contradicted", "inconclusive"
 
 
@@ -35,10 +33,9 @@ class Claim:
     """A statement of the paper, the number that tests it, and the criterion that the number has to meet.
 
     `sense`: "<=", ">=", or "|x| <=" for a number with a sign.  `distance` marks a number that cannot be negative and
-    that noise mostly increases.  `refutable` decides from the full samples whether the claim can be contradicted.  It
-    cannot where noise alone increases the number, unless the noise is known and subtracted, nor for a difference
-    between densities unless replicate packings measure how much of it is due to the packings.  `applies` decides
-    whether the campaign has what the claim is about.
+    that errors mostly increase.  `refutable` decides from the denoised samples whether the claim can be contradicted.
+    It cannot where noise alone increases the number, nor for a difference between densities unless there are enough
+    packings to know how much of it is due to them.  `applies` decides whether the campaign has what the claim is about.
     """
 
     statement: str
@@ -102,7 +99,7 @@ def _independent_of_density(symbol: str, name: str) -> Claim:
 def _within_range(state: str, symbol: str, mu_iso: float, low: float, high: float) -> Claim:
     return Claim(
         statement=f"{symbol} lies within {low:g}-{high:g} at the {state} state, mu_iso = {mu_iso:g}",
-        measure="probability of the range under the PDF",
+        measure="probability of the range, for a specimen of the paper's size",
         number=partial(statistics.share_within, state=state, symbol=symbol, mu_iso=mu_iso, low=low, high=high),
         sense=">=",
         limit=0.9,  # the paper reads the ranges off figures, where the outermost tenth is hard to see
@@ -187,11 +184,11 @@ CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         statement="I_G_active and I_G_stress hardly vary (COV about 0.001)",
-        measure="largest COV, less the noise of packings where it is known",
+        measure="largest COV over the points, without the noise of packings and runs",
         number=statistics.grading_cov,
         sense="<=",
         limit=0.002,
-        refutable=statistics.grading_noise_is_known,
+        refutable=statistics.never,
     ),
     Claim(
         statement="e and e_m grow and Z and Z_m fall with mu_iso",
@@ -209,36 +206,38 @@ CLAIMS: tuple[Claim, ...] = (
     ),
     Claim(
         statement="Initial states of one density hardly vary (COV at most 0.011)",
-        measure="largest COV of e, e_m, Z, Z_m after consolidation; needs a consolidation for every point",
+        measure="largest COV of e, e_m, Z, Z_m over the consolidations of a density",
         number=statistics.initial_cov,
         sense="<=",
         limit=0.011,
+        refutable=statistics.has_full_size,  # fewer spheres scatter more
     ),
 )
 
 
-def claims_table(results: Results, n_boot: int = 200, seed: int = 1) -> pd.DataFrame:
+def claims_table(results: Results) -> pd.DataFrame:
     """One row per claim: statement, number, value with its 95 % interval (low, high), criterion and verdict.
 
-    n_boot: resamples of the points.  A claim is inconclusive if the campaign lacks its quantities or its number is not
-    finite.
+    A claim is inconclusive if the campaign lacks its quantities or its number is not finite.  `points_to_decide`: about
+    how many points with packings of their own would decide an inconclusive claim, if its value is the true one.
     """
-    rng = np.random.default_rng(seed)
     families = [family for family in results.families if family in ("coupled", "G_p")]
-    full = {family: statistics.full_sample(results, family) for family in families}
-    resamples = [{f: statistics.drawn_sample(sample, rng) for f, sample in full.items()} for _ in range(n_boot)]
+    samples = {family: statistics.sample(results, family) for family in families}
     rows = []
-    for claim in CLAIMS:
-        if not claim.applies(results):
-            continue
-        value = _evaluate(claim, full)
-        low, high = _interval(np.array([_evaluate(claim, s) for s in resamples]), value, claim.distance)
+    for claim in (claim for claim in CLAIMS if claim.applies(results)):
+        number = partial(_evaluate, claim, samples)
+        value, low, high = inverted(number) if claim.distance else _drawn(number)
         outcome = verdict(low, high, claim.sense, claim.limit)
-        if outcome == CONTRADICTED and not claim.refutable(full):
+        if outcome == CONTRADICTED and not claim.refutable(samples):
             outcome = INCONCLUSIVE
+        needed = np.nan
+        if outcome == INCONCLUSIVE and low <= claim.limit <= high and value != claim.limit:
+            far = high if value < claim.limit else low
+            needed = np.ceil(len(results.points) * ((far - value) / (claim.limit - value)) ** 2)
         criterion = f"{claim.sense} {claim.limit:g}"
-        rows.append((claim.statement, claim.measure, value, low, high, criterion, outcome))
-    return pd.DataFrame(rows, columns=["claim", "number", "value", "low", "high", "criterion", "verdict"])
+        rows.append((claim.statement, claim.measure, value, low, high, criterion, outcome, needed))
+    columns = ["claim", "number", "value", "low", "high", "criterion", "verdict", "points_to_decide"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def verdict(low: float, high: float, sense: str, limit: float) -> str:
@@ -251,21 +250,38 @@ def verdict(low: float, high: float, sense: str, limit: float) -> str:
     return SUPPORTED if inside else CONTRADICTED if outside else INCONCLUSIVE
 
 
-def _evaluate(claim: Claim, samples: Samples) -> float:
+def _evaluate(claim: Claim, samples: Samples, draw: int | None = None, scale: float = 1.0) -> float:
     """The claim's number; NaN if the results lack the quantity.  Any other exception is a bug and is raised."""
     try:
-        return float(claim.number(samples))
+        return float(claim.number({f: replace(sample, draw=draw, scale=scale) for f, sample in samples.items()}))
     except ResultsError:
         return float("nan")
 
 
-def _interval(resampled: np.ndarray, value: float, distance: bool) -> tuple[float, float]:
-    """95 % interval from resampled numbers; NaN if more than a tenth of them could not be computed."""
-    known = resampled[np.isfinite(resampled)]
-    if len(known) < 0.9 * len(resampled):
-        return np.nan, np.nan
-    if distance:
-        deviation = np.quantile(np.abs(known - value), 0.95)
-        return max(value - deviation, 0.0), value + deviation
-    low, high = np.quantile(known, [0.025, 0.975])
-    return low, high
+def _drawn(number: Callable[..., float]) -> tuple[float, float, float]:
+    """Value of a number and its 95 % interval from the draws; NaN if more than a tenth cannot be computed."""
+    drawn = np.array([number(draw=k) for k in range(statistics.DRAWS)])
+    known = drawn[np.isfinite(drawn)]
+    low, high = np.quantile(known, TAILS) if len(known) >= 0.9 * len(drawn) else (np.nan, np.nan)
+    return number(), low, high
+
+
+def inverted(number: Callable[..., float], draws: int = statistics.DRAWS // 2) -> tuple[float, float, float]:
+    """Value and 95 % interval of a distance, which errors mostly increase.
+
+    number(draw, scale): the distance with the differences multiplied by `scale`, and with the errors of a draw.  The
+    value is sqrt(found^2 - mean of squares of what errors alone give), at least 0.  The interval inverts a test: a true
+    distance, that of some scale without errors, is in it if the distance found lies within 95 % of those that the draws
+    give with this scale.
+    """
+    found = number()
+    alone = np.array([number(draw=k, scale=0.0) for k in range(draws)])
+    if not np.isfinite(found) or not np.isfinite(alone).all():
+        return found, np.nan, np.nan
+    reach = 1.0 + 2.0 * np.quantile(alone, TAILS[1]) / max(found, 1e-12)
+    scales = np.concatenate([[0.0], np.geomspace(min(0.25, 0.25 * reach), reach, 9)])
+    true = np.array([number(scale=scale) for scale in scales])
+    drawn = np.array([alone, *([number(draw=k, scale=scale) for k in range(draws)] for scale in scales[1:])])
+    low, high = np.maximum.accumulate(np.quantile(drawn, TAILS, axis=1), axis=1)
+    value = float(np.sqrt(max(found**2 - np.mean(alone**2), 0.0)))
+    return value, float(np.interp(found, high, true)), float(np.interp(found, low, true))

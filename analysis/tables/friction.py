@@ -1,23 +1,19 @@
 """Responses along interparticle friction: values and errors at given mu_s, and the differences between densities.
 
 The two grain properties depend on each other, so G_p is set to its regression on mu_s over the representative points,
-in logarithms.  Values come from the response surface through all points of a density, so that the noise of single runs
-averages out; the error includes the noise that a packing adds to all points, also as a slope along friction.
+in logarithms.  Values come from the model of all runs of a density: the noise of packings and runs averages out.
 """
 
 from __future__ import annotations
 
 import numpy as np
 import pandas as pd
-from scipy import stats
 
 from ..quantities import QUANTITIES
-from ..results import replicates
-from ..results.reader import Results
-from ..surrogates import surrogate
-from ..surrogates.surrogate import FEWEST_RUNS, SAFETY
+from ..results.reader import Results, Runs
+from ..surrogates.surrogate import FEWEST_RUNS, Surrogate
 from .columns import unit
-from .packing_noise import common_error
+from .pooled_states import model_of, state_model
 
 #: Frictions that are tabled, as far as the runs reach.
 FRICTIONS = (0.065, 0.10, 0.15, 0.25, 0.40, 0.50, 0.65)
@@ -39,64 +35,53 @@ def along_friction(
 ) -> dict[float, tuple[np.ndarray, np.ndarray]]:
     """mu_iso -> values and 95 % half widths (n,) of a state's quantity at the frictions mu_s (n,), in SI units.
 
-    The half width contains the error of the response surface (times `surrogate.SAFETY`, because its terms were chosen
-    from the data) and the noise of packings: an error that all points share, and a slope along ln mu_s, which one
-    packing for all points also gives the surface.  Without replicate packings the former is the error of one run and
-    the latter is not known.  Densities of fewer than 12 runs, or without the quantity, are left out.
+    From the model, whose error contains the noise of packings if there are three or more.  Densities of fewer than 12
+    runs are left out; none is given if one lacks the quantity.
     """
-    densities = [m for m in results.family_densities() if symbol in results.state_symbols(state, m)]
-    if len(densities) < len(results.family_densities()):
+    runs = _runs(results, state, symbol)
+    return {m: _at(results, state_model(results, state, symbol, m), mu_s) for m in runs}
+
+
+def differences_along(
+    results: Results, state: str, symbol: str, mu_s: np.ndarray
+) -> dict[float, tuple[np.ndarray, np.ndarray]]:
+    """mu_iso -> difference from the mean of all densities and its 95 % half width (n,) at the frictions mu_s (n,).
+
+    A point has the same packing number at every density, so the model is that of the runs' differences: what the
+    densities share does not count.  NaN with one density.
+    """
+    runs = _runs(results, state, symbol)
+    if len(runs) < 2:
+        return {m: (np.full(len(mu_s), np.nan), np.full(len(mu_s), np.nan)) for m in runs}
+    mean = np.mean([r.values for r in runs.values()], axis=0)
+    return {m: _at(results, model_of(results, r._replace(values=r.values - mean)), mu_s) for m, r in runs.items()}
+
+
+def _runs(results: Results, state: str, symbol: str) -> dict[float, Runs]:
+    """The runs of every density with at least 12 of them; none if a density lacks the quantity."""
+    densities = results.family_densities()
+    if any(symbol not in results.state_symbols(state, m) for m in densities):
         return {}
-    points = results.family_points().x
+    runs = {m: results.runs_at(state, symbol, m) for m in densities}
+    return {m: r for m, r in runs.items() if np.isfinite(r.values).sum() >= FEWEST_RUNS}
+
+
+def _at(results: Results, model: Surrogate | None, mu_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Values and 95 % half widths (n,) of a model at the frictions mu_s (n,)."""
+    assert model is not None  # _runs gives densities of 12 runs or more
     asked = np.column_stack([mu_s, modulus_along(results, mu_s)])
-    shared, _ = common_error(results, state, symbol)
-    slope, centre = packing_slope(results, state, symbol)
-    tilt = slope * (np.log(mu_s) - centre) if slope > 0 else np.zeros(len(asked))
-    out = {}
-    for mu_iso, common in zip(densities, shared, strict=True):
-        values = results.measured(state, symbol, mu_iso)
-        if np.isfinite(values).sum() < FEWEST_RUNS:
-            continue
-        surface = surrogate.fit(points, values)
-        basis = surface.basis(asked)
-        own = surface.noise[0] * np.sqrt(np.einsum("nm,mk,nk->n", basis, surface.covariance[0], basis))
-        wide = SAFETY * stats.t.ppf(0.5 + LEVEL / 2, surface.dof[0])
-        packing = stats.norm.ppf(0.5 + LEVEL / 2) * np.hypot(common, tilt)
-        out[mu_iso] = surface.predict(asked)[0], np.hypot(wide * own, packing)
-    return out
-
-
-def packing_slope(results: Results, state: str, symbol: str) -> tuple[float, float]:
-    """Standard deviation between packings of the slope along ln mu_s, and the ln mu_s about which it turns.
-
-    From the points that several packings serve: the variance of the packings' slopes less that due to the scatter of
-    single runs, averaged over the densities, at least zero.  0 and NaN where fewer than two packings share three
-    points.
-    """
-    variances, centres = [], []
-    x = np.log(results.family_points().mu_s)
-    for mu_iso in results.family_densities():
-        sets = results.state_replicates(state, symbol, mu_iso)
-        if sets is None or replicates.compared(sets).shape[0] < 2 or replicates.compared(sets).shape[1] < 3:
-            continue
-        both, at = replicates.compared(sets), x[replicates.shared(sets)[1]]
-        rest = both - both.mean(axis=1, keepdims=True) - both.mean(axis=0) + both.mean()
-        from_centre = at - at.mean()
-        slopes = rest @ from_centre / (from_centre @ from_centre)
-        rest = rest - slopes[:, None] * from_centre
-        own = np.sum(rest**2) / ((len(both) - 1) * (both.shape[1] - 2))
-        variances.append(slopes @ slopes / (len(both) - 1) - own / (from_centre @ from_centre))
-        centres.append(at.mean())
-    return (float(np.sqrt(max(np.mean(variances), 0.0))), float(np.mean(centres))) if variances else (0.0, float("nan"))
+    value = model.predict(asked)[0]
+    off = model.draws(400, np.random.default_rng(1)).predict(asked)[:, 0] - value
+    return value, np.quantile(np.abs(off), LEVEL, axis=0)
 
 
 def friction_table(results: Results) -> pd.DataFrame:
     """Peak and critical states at seven frictions and every density, in displayed units, beside the densities' mean.
 
     `ci95` is the 95 % half width of `value`.  `differs`: "yes" where a value differs from the mean over the densities
-    at its friction by more than the 95 % half width of the difference, which takes the densities' errors as
-    independent; "not shown" otherwise; empty where the noise of packings is not known, or with one density.  Frictions
-    beyond the runs of some density are left out.
+    at its friction by more than the 95 % half width of the difference; "not shown" otherwise; empty with
+    fewer than three packings, whose noise is not known, or with one density.  Frictions beyond the runs of some density
+    are left out.
     """
     rows = []
     points, densities = results.family_points().mu_s, results.family_densities()
@@ -107,8 +92,11 @@ def friction_table(results: Results) -> pd.DataFrame:
         mu_s = np.array([mu for mu in FRICTIONS if run.any() and points[run].min() <= mu <= points[run].max()])
         by_density, factor = along_friction(results, state, symbol, mu_s), QUANTITIES[symbol].shown_factor
         modulus = modulus_along(results, mu_s) * QUANTITIES["G_p"].shown_factor
-        noise_is_known = len(by_density) > 1 and 0 < common_error(results, state, symbol)[1] < np.inf
-        for (mu_iso, (value, half)), off, wide in zip(by_density.items(), *_differences(by_density), strict=True):
+        differences = differences_along(results, state, symbol, mu_s)
+        for mu_iso, (value, half) in by_density.items():
+            off, wide = differences[mu_iso]
+            model = state_model(results, state, symbol, mu_iso)
+            noise_is_known = len(by_density) > 1 and model is not None and model.knows_packings
             for k, mu in enumerate(mu_s):
                 differs = "" if not noise_is_known else "yes" if abs(off[k]) > wide[k] else "not shown"
                 rows.append((state, symbol, unit(symbol), mu, modulus[k], mu_iso, factor * value[k],
@@ -149,13 +137,3 @@ def density_differences(table: pd.DataFrame) -> pd.DataFrame:
         "largest_pct": 100 * (decided["diff_from_mean"] / mean).abs().max(),
         "widest_ci95_pct": 100 * (decided["diff_ci95"] / mean).max(),
     }])  # fmt: skip
-
-
-def _differences(by_density):
-    """Differences (D, n) of each density from the mean of all, and their half widths; NaN with one density."""
-    values, halves = (np.array([pair[k] for pair in by_density.values()]) for k in (0, 1))
-    count = len(values)
-    if count < 2:
-        return np.full_like(values, np.nan), np.full_like(values, np.nan)
-    rest = (halves**2).sum(axis=0) - halves**2
-    return values - values.mean(axis=0), np.sqrt(halves**2 * (1 - 1 / count) ** 2 + rest / count**2)

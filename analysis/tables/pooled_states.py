@@ -1,4 +1,4 @@
-"""The states that are pooled over the points of a density by a response surface over (mu_s, G_p)."""
+"""The model of every response and state of a density: inputs, packing and own noise, fitted to all its runs at once."""
 
 from __future__ import annotations
 
@@ -9,10 +9,9 @@ import numpy as np
 from scipy.stats import qmc
 
 from ..inputs.joint import Joint
-from ..pdem import weighted
-from ..results.reader import Results
+from ..results.reader import Results, Runs
 from ..surrogates import surrogate
-from ..surrogates.surrogate import FEWEST_RUNS, Surrogate
+from ..surrogates.surrogate import FEWEST_FITTED, FEWEST_RUNS, Surrogate
 
 #: States and quantities that are pooled.
 POOLED = (("peak", "eta"), ("critical", "eta"), ("critical", "e"), ("critical", "Z"), ("critical", "Phi_dev"),
@@ -20,30 +19,48 @@ POOLED = (("peak", "eta"), ("critical", "eta"), ("critical", "e"), ("critical", 
 
 
 class PooledState(NamedTuple):
-    """A quantity of a state at a density: its surface, samples (m, 2) of the inputs, sd of the points."""
+    """A quantity of a state at a density: its model and samples (m, 2) of the inputs."""
 
     mu_iso: float
     state: str
     symbol: str
-    surface: Surrogate
+    model: Surrogate
     samples: np.ndarray
-    spread: float
 
 
-def pooled_states(results: Results, power: int) -> Iterator[PooledState]:
-    """Every pooled state of every density with at least 12 runs, with 2^power samples of the joint inputs."""
+def state_model(results: Results, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> Surrogate | None:
+    """Model (one row) of a quantity at a state, in SI units; None with fewer than 5 runs.  It is fitted once."""
+    key = ("state model", state, symbol, f"{mu_iso:g}", family)
+    return results.cached(key, lambda: model_of(results, results.runs_at(state, symbol, mu_iso, family), family))
+
+
+def curve_model(results: Results, symbol: str, mu_iso: float, family: str = "coupled") -> Surrogate | None:
+    """Model (T rows) of a response along strain, in SI units; None with fewer than 5 runs.  It is fitted once."""
+    key = ("curve model", symbol, f"{mu_iso:g}", family)
+    return results.cached(key, lambda: model_of(results, results.runs_along(symbol, mu_iso, family), family))
+
+
+def model_of(results: Results, runs: Runs, family: str = "coupled") -> Surrogate | None:
+    """Model of the values of single runs; None with fewer than 5 of them."""
+    if np.isfinite(runs.values).sum(axis=-1).min() < FEWEST_FITTED:
+        return None
+    return surrogate.fit(results.family_points(family).x[runs.place], runs.values, runs.packing)
+
+
+def pooled_states(results: Results, power: int, fewest: int = FEWEST_RUNS) -> Iterator[PooledState]:
+    """Every pooled state of every density with so many runs, with 2^power samples of the joint inputs."""
     if not results.inputs["joint"]:
         return
     samples = joint_samples(results, power)
-    points = results.family_points()
     for mu_iso in results.family_densities():
         for state, symbol in POOLED:
             if symbol not in results.state_symbols(state, mu_iso):
                 continue
             values = results.measured(state, symbol, mu_iso)
-            spread = float(weighted.std(results.shown_state(state, symbol, mu_iso), results.probability(mu_iso)))
-            if np.isfinite(values).sum() >= FEWEST_RUNS and spread > 0:
-                yield PooledState(mu_iso, state, symbol, surrogate.fit(points.x, values), samples, spread)
+            if np.isfinite(values).sum() >= fewest and np.nanstd(values) > 0:
+                model = state_model(results, state, symbol, mu_iso)
+                if model is not None:
+                    yield PooledState(mu_iso, state, symbol, model, samples)
 
 
 def joint_samples(results: Results, power: int) -> np.ndarray:

@@ -21,7 +21,7 @@ from .claims import claims_table
 from .friction import density_differences, friction_curves, friction_table
 from .friction_angles import friction_angle_table
 from .inputs import copulas, marginals, points
-from .moment_bands import input_bands, moment_bands
+from .moments import moments
 from .monte_carlo import monte_carlo_along, monte_carlo_check
 from .other_runs import beyond, fidelity
 from .published import beside_published
@@ -59,14 +59,13 @@ TABLES: dict[str, Table] = {
     "initial_state": initial_state,
     "responses_moments": responses_moments,
     "peak_critical": peak_critical,
+    "moments": moments,
     "claims": claims_table,
     "design": friction_angle_table,
     "friction": friction_table,
     "variance_sources": variance_sources,
     "monte_carlo": monte_carlo_check,
-    "input_bands": input_bands,
     "monte_carlo_along_strain": monte_carlo_along,
-    "moment_bands": moment_bands,
     "stopping_replay": stopping_replay,
     "runs": runs,
 }

@@ -9,12 +9,12 @@ import pandas as pd
 
 from ..pdem import weighted
 from ..quantities import QUANTITIES
-from ..results import replicates
 from ..results.reader import JUDGED_STATES, Results
 from ..runs.archive import SAME_STATES
 from ..runs.states import OFF, PUSHED
-from .columns import named
-from .packing_noise import common_error, packing_scatter
+from ..surrogates.surrogate import FEWEST_PACKINGS
+from .columns import named, with_interval
+from .pooled_states import state_model
 
 #: Proof of a shear run -> words, and the limit beyond which a run fails (those of yade_scripts/proofs.py; NaN: none).
 PROOFS = {
@@ -88,18 +88,15 @@ def proofs(results: Results) -> pd.DataFrame:
 def critical_drift(results: Results) -> pd.DataFrame:
     """Mean drift of eta and e over the critical part, per density, in %, with its standard error.
 
-    `between_packings`: the mean over the points that all packings serve, with the error between packings; otherwise
-    the mean over all runs, with its error as if runs of one packing were independent.
+    `between_packings`: with several packings the error is that between their means; otherwise that of all runs, as if
+    runs of one packing were independent.
     """
     names = ["critical_drift_eta", "critical_drift_e"]
     shear, rows = _done(results, "shear"), []
     for mu_iso, table in shear[shear["family"] == "coupled"].groupby("mu_iso"):
-        known = table[["packing", "point", *names]].dropna()
-        packing, drift = known["packing"], known[names]
-        served = known.groupby("point")["packing"].transform("nunique") == packing.nunique()
-        between_packings = packing.nunique() > 1 and bool(served.any())
-        if between_packings:
-            drift = drift[served].groupby(packing[served]).mean()
+        drift = table[["packing", *names]].dropna()
+        between_packings = drift["packing"].nunique() > 1
+        drift = drift.groupby("packing").mean() if between_packings else drift[names]
         if len(drift) > 1:
             mean, error = 100 * drift.mean(), 100 * drift.std() / np.sqrt(len(drift))
             rows.append((mu_iso, between_packings, mean.iloc[0], error.iloc[0], mean.iloc[1], error.iloc[1]))
@@ -206,44 +203,37 @@ def probe_checks(results: Results) -> pd.DataFrame:
 
 
 def packing_design(results: Results) -> pd.DataFrame:
-    """One row: what is known of the noise that all points of a density share through their packing.
-
-    `compared`: whether replicate packings measure it; `packings` and `points` that are compared, the least of any
-    density; `levelled`: whether the offset of the first packing is removed.
-    """
-    _, freedom = common_error(results, "critical", "eta")
-    if not np.isfinite(freedom) or freedom == 0:
-        return pd.DataFrame([{"compared": False, "packings": 1, "points": 0, "levelled": False}])
-    sets = [results.state_replicates("critical", "eta", mu_iso) for mu_iso in results.family_densities()]
-    packings, points = np.min([replicates.compared(values).shape for values in sets if values is not None], axis=0)
-    return pd.DataFrame([{"compared": True, "packings": int(packings), "points": int(points),
-                          "levelled": bool(points >= replicates.FEWEST)}])  # fmt: skip
+    """One row: the least numbers of `packings` and `points` of a density, and `known`: whether packings are judged."""
+    models = [state_model(results, "critical", "eta", mu_iso) for mu_iso in results.family_densities()]
+    packings = min(1 if model is None else model.packings for model in models)
+    points = min(int((results.probability(mu_iso) > 0).sum()) for mu_iso in results.family_densities())
+    return pd.DataFrame([{"packings": packings, "points": points, "known": packings >= FEWEST_PACKINGS}])
 
 
 def noise(results: Results, symbols: Sequence[str] = SHOWN) -> pd.DataFrame:
-    """Per density and quantity at the critical state: the spread of the points beside the noise of one run.
+    """Per density and quantity at the critical state: the spread of the points beside the noise of packings and runs.
 
-    `run_error`: standard error of one run's average, from block averages within the run (over the root of their number
-    where several packings serve a point).  `between_packings`: standard deviation between replicate packings at the
-    same point, NaN without any.  `common`: the error that all points of a density may share.  In displayed units.
+    `sd_of_points` as simulated; `run_error`: standard error of one run's average, from block averages within the run.
+    `packing` and `own`: standard deviations that packings add to all their runs and each run by itself, with 95 %
+    intervals, from the model; NaN where they cannot be separated.  In displayed units.
     """
     rows = []
-    for k, mu_iso in enumerate(results.family_densities()):
+    for mu_iso in results.family_densities():
         probability = results.probability(mu_iso)
         for symbol in (s for s in symbols if s in results.state_symbols("critical", mu_iso)):
             factor = QUANTITIES[symbol].shown_factor
             spread = float(weighted.std(results.shown_state("critical", symbol, mu_iso), probability))
             error = results.state_error("critical", symbol, mu_iso)
             run_error = np.nan if error is None else float(weighted.mean(error**2, probability)) ** 0.5
-            rows.append({
-                "mu_iso": mu_iso,
-                **named(symbol),
-                "sd_of_points": factor * spread,
-                "run_error": factor * run_error,
-                "noise_variance_share": (run_error / spread) ** 2 if spread else np.nan,
-                "between_packings": factor * packing_scatter(results, "critical", symbol, mu_iso),
-                "common": factor * common_error(results, "critical", symbol)[0][k],
-            })  # fmt: skip
+            row = {"mu_iso": mu_iso, **named(symbol), "sd_of_points": factor * spread, "run_error": factor * run_error}
+            model = state_model(results, "critical", symbol, mu_iso)
+            for name in ("packing", "own"):
+                numbers = np.full(3, np.nan)
+                if model is not None:
+                    interval = getattr(model, f"{name}_interval")[0]
+                    numbers = factor * np.array([getattr(model, f"noise_{name}")[0], *interval])
+                row |= dict(zip(with_interval(name), numbers, strict=True))
+            rows.append(row)
     return pd.DataFrame(rows)
 
 

@@ -11,6 +11,7 @@ from ..inputs.joint import Joint
 from ..pdem import weighted
 from ..results.reader import Results
 from ..surrogates import stopping, surrogate
+from ..surrogates.rotation import nested_order
 
 #: Share of the points beyond which kept and full surface are too much alike to test a claim.
 MOST = 0.7
@@ -41,16 +42,17 @@ def stopping_replay(results: Results, targets: Sequence[str] = TARGETS) -> pd.Da
     judged = {stopping.judged_name(state, symbol, m): (results.shown_state(state, symbol, m), probability[m])
               for state, symbol in stopping.JUDGED for m in densities}  # fmt: skip
     samples = stopping.judged_samples(Joint.from_dict(results.inputs["joint"]))
-    order = stopping.nested_order(inputs, _replicated(results, densities[0], len(points)))
+    order, packing = nested_order(inputs), results.packing(densities[0])
     history: dict[int, stopping.Assessment] = {}
     used, rows = 0, []
     for target in targets:
-        assessment, used = _first_within(inputs, judged, samples, order, stopping.parse_target(target), history)
-        whole, surface = _true_errors(inputs, judged, samples, order[:used])
+        limit = stopping.parse_target(target)
+        assessment, used = _first_within(inputs, packing, judged, samples, order, limit, history)
+        whole, surface = _true_errors(inputs, packing, judged, samples, order[:used])
         claim, worst = max(assessment.claimed.values()), max(assessment.claimed, key=assessment.claimed.get)
         at = max(whole, key=whole.get)
         verdict = "within the claim" if max(surface.values()) <= claim else "beyond the claim"
-        if used == len(points) and claim > stopping.parse_target(target):
+        if used == len(points) and claim > limit:
             verdict = "not reached"
         elif used > MOST * len(points):
             verdict += ", mostly by the same runs"
@@ -59,35 +61,29 @@ def stopping_replay(results: Results, targets: Sequence[str] = TARGETS) -> pd.Da
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _replicated(results, mu_iso, count):
-    """Points (Q,) that several packings serve, which a campaign runs first."""
-    sets = results.state_replicates("critical", "eta", mu_iso)
-    return np.zeros(count, bool) if sets is None else np.isfinite(sets).sum(axis=0) > 1
-
-
-def _first_within(inputs, judged, samples, order, target, history):
+def _first_within(inputs, packing, judged, samples, order, target, history):
     """The assessment after the first batch that claims no more than the target, or after the last, and its points."""
     used, total = stopping.first_batch(len(inputs)), len(inputs)
     while True:
         if used not in history:
             part = order[:used]
             values = {name: states[part] for name, (states, _) in judged.items()}
-            history[used] = stopping.assess(inputs[part], values, samples, target)
+            history[used] = stopping.assess(inputs[part], values, samples, target, packing[part])
         if max(history[used].claimed.values()) <= target or used == total:
             return history[used], used
         used = stopping.next_batch(used, total)
 
 
-def _true_errors(inputs, judged, samples, part):
+def _true_errors(inputs, packing, judged, samples, part):
     """Errors of every response with only these points run: of the weighted points, and of the response surface."""
     run = np.zeros(len(inputs), bool)
     run[part] = True
     names = list(judged)
     every = np.stack([states for states, _ in judged.values()])
     some = np.where(run, every, np.nan)
-    filled, _ = surrogate.fill(inputs, some)
-    kept = surrogate.fit(inputs, some).predict(samples)
-    full = surrogate.fit(inputs, every).predict(samples)
+    filled, _ = surrogate.fill(inputs, some, packing)
+    kept = surrogate.fit(inputs, some, packing).predict(samples)
+    full = surrogate.fit(inputs, every, packing).predict(samples)
     whole, surface = {}, {}
     for k, name in enumerate(names):
         probability = judged[name][1]

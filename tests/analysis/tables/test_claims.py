@@ -24,7 +24,7 @@ def results():
 @pytest.fixture(scope="module")
 def table(results):
     """Claims of the noise-free example, keyed by the claim's words."""
-    return claims_table(results, n_boot=40).set_index("claim")
+    return claims_table(results).set_index("claim")
 
 
 @pytest.mark.parametrize("low, high, sense, limit, outcome", [
@@ -42,7 +42,7 @@ def test_closed_forms_that_forget_the_density_are_held(table):
         rows = table[table.index.str.contains(words)]
         assert len(rows) and (rows["verdict"] == SUPPORTED).all() and (rows["value"] < 0.05).all()
     peak = table.loc[table.index.str.contains("At the peak the PDFs"), "verdict"]
-    told = peak.index.str.contains("stress ratio")  # of the others one packing does not tell what packings add
+    told = peak.index.str.contains("stress ratio")  # of the others one packing does not show what packings add
     assert (peak[told] == SUPPORTED).all() and (peak[~told] == INCONCLUSIVE).all() and told.sum() == 1
 
 
@@ -50,9 +50,8 @@ def test_the_peak_distance_is_the_wasserstein_distance_over_the_spread(results, 
     a, b = (results.state("peak", "eta", mu_iso) for mu_iso in (0.001, 0.1))
     w = results.probability(0.04)
     exact = weighted.wasserstein(a, b, w, w) / np.mean([weighted.std(a, w), weighted.std(b, w)])
-    assert table.loc["At the peak the PDFs of the stress ratio differ between densities", "value"] == pytest.approx(
-        exact
-    )
+    row = table.loc["At the peak the PDFs of the stress ratio differ between densities"]
+    assert row["value"] == pytest.approx(exact, rel=0.02) and row["low"] < exact < row["high"]
 
 
 def test_the_coordination_number_has_to_forget_the_density_at_the_peak_too(results, table):
@@ -64,12 +63,13 @@ def test_the_coordination_number_has_to_forget_the_density_at_the_peak_too(resul
     row = table.loc[
         "The coordination number at the peak and at the critical state is independent of the initial density"
     ]
-    assert exact["critical"] < 0.01 and row["value"] == pytest.approx(exact["peak"]) and row["verdict"] == INCONCLUSIVE
+    assert exact["critical"] < 0.01 and row["value"] == pytest.approx(exact["peak"], rel=0.02)
+    assert row["verdict"] == INCONCLUSIVE
 
 
 def test_stiffness_claims(table):
-    assert table.loc["Dense samples have the higher G_0", "value"] == pytest.approx(1.12 / 0.88 - 1)
-    assert table.loc["G_p changes the small-strain stiffness", "value"] == pytest.approx(2 / 3)
+    assert table.loc["Dense samples have the higher G_0", "value"] == pytest.approx(1.12 / 0.88 - 1, rel=0.01)
+    assert table.loc["G_p changes the small-strain stiffness", "value"] == pytest.approx(2 / 3, rel=0.02)
     alone = table.loc["G_p alone hardly changes the stress ratio at large strain"]
     assert (
         alone["value"] == pytest.approx(0, abs=1e-9)
@@ -81,9 +81,9 @@ def test_stiffness_claims(table):
 def test_correlations_of_the_critical_state(results, table):
     eta, e, Z, w = (*(results.state("critical", s, 0.04) for s in ("eta", "e", "Z")), results.probability(0.04))
     value = table.loc["A higher critical eta goes with a larger void ratio", "value"]
-    assert value == pytest.approx(weighted.correlation(eta, e, w), abs=1e-3)
+    assert value == pytest.approx(weighted.correlation(eta, e, w), abs=0.01)
     value = table.loc["A higher critical eta goes with a smaller coordination number", "value"]
-    assert value == pytest.approx(-weighted.correlation(eta, Z, w), abs=1e-3)
+    assert value == pytest.approx(-weighted.correlation(eta, Z, w), abs=0.01)
 
 
 def test_the_steady_strain_is_that_of_the_closed_form(results, table):
@@ -99,7 +99,7 @@ def test_noise_that_lets_a_mean_leave_its_range_late_refutes_nothing(results, mo
     numbers = {c: next((v for words, v in forced.items() if words in c.statement), None) for c in claims.CLAIMS}
     changed = [c if v is None else replace(c, number=lambda _, v=v: v) for c, v in numbers.items()]
     monkeypatch.setattr(claims, "CLAIMS", changed)
-    table = claims_table(results, n_boot=2).set_index("claim")
+    table = claims_table(results).set_index("claim")
     assert (table.loc[table.index.str.contains("by 25 % strain"), "verdict"] == INCONCLUSIVE).all()
     assert table.loc["G_p changes the small-strain stiffness", "verdict"] == CONTRADICTED
 
@@ -116,25 +116,45 @@ def test_table_3_and_grading(table):
 
 
 def test_the_interval_holds_the_value_and_is_repeatable(results, table):
-    again = claims_table(results, n_boot=40).set_index("claim")
+    again = claims_table(results).set_index("claim")
     assert again.equals(table)
     smooth = table[~table["number"].str.contains("largest|least|Wasserstein") & table["low"].notna()]
     assert ((smooth["low"] <= smooth["value"] + 1e-9) & (smooth["value"] <= smooth["high"] + 1e-9)).all()
 
 
 @pytest.mark.parametrize("packings, noise, outcome", [
-    ((1,), 0.02, INCONCLUSIVE), ((1,), 1e-4, INCONCLUSIVE), ((1, 2, 3), 1e-3, CONTRADICTED)])  # fmt: skip
-def test_only_replicates_let_densities_that_differ_refute_a_claim(tmp_path, packings, noise, outcome):
-    """Three densities that differ at the critical state: one packing does not tell whether it is the packing."""
-    plan, points, info = synthetic.make_campaign(tmp_path, n=5, noise=noise, packings=packings)
+    ((1,), 0.02, INCONCLUSIVE), ((1,), 1e-4, INCONCLUSIVE), ((1, 2, 3, 4), 1e-3, CONTRADICTED)])  # fmt: skip
+def test_only_several_packings_let_densities_that_differ_contradict_a_claim(tmp_path, packings, noise, outcome):
+    """Three densities that differ at the critical state: with one packing it may be the packing that differs."""
+    plan, points, info = synthetic.make_campaign(tmp_path, n=8, noise=noise, packings=packings)
     path = build_results(tmp_path, plan, points, info)
     with changed_on_purpose(path) as file:
         for mu_iso, shift in zip(synthetic.DENSITIES, (-1.0, 1.2, 0.3), strict=True):
             states = file[f"families/coupled/{mu_iso:g}/states/critical"]
             states["eta"][...] = synthetic.critical_eta(points.mu_s) + 0.03 * shift
     claim = "At the critical state the PDFs of the stress ratio coincide for all densities"
-    row = claims_table(read_results(path), n_boot=40).set_index("claim").loc[claim]
+    row = claims_table(read_results(path)).set_index("claim").loc[claim]
     assert row["value"] > 0.5 and row["verdict"] == outcome
+
+
+def test_the_distance_is_not_lifted_by_errors_and_its_interval_covers():
+    """Two densities with 40 values each that differ by a known shift; each is known to 0.05 of their spread."""
+    rng, x = np.random.default_rng(4), np.linspace(-1.7, 1.7, 40)
+    for shift in (0.0, 0.15, 0.5):
+        values, covered = [], 0
+        for _ in range(150):
+            found = np.stack([x, x + shift]) + 0.05 * rng.normal(size=(2, 1))
+            errors = 0.05 * rng.normal(size=(100, 2, 1))
+
+            def number(draw=None, scale=1.0, found=found, errors=errors):
+                both = found + (scale - 1) * (found - found.mean(axis=0)) + (0 if draw is None else errors[draw])
+                return np.mean(np.abs(np.diff(np.sort(both, axis=1), axis=0)))
+
+            value, low, high = claims.inverted(number, 100)
+            values.append(value)
+            covered += low <= shift + 1e-9 and shift <= high
+        assert np.mean(values) == pytest.approx(shift, abs=0.035)  # 0.056 without the subtraction at shift 0
+        assert covered / 150 > 0.9
 
 
 @pytest.mark.parametrize("densities, stages", [
@@ -147,7 +167,7 @@ def test_a_campaign_of_other_densities_or_stages_has_its_claims_too(tmp_path, de
     plan = plan[plan["stage"].isin(stages)]
     for row in plan.itertuples():
         synthetic.write_run(row, windows=30)
-    table = claims_table(read_results(build_results(tmp_path, plan, points)), n_boot=4).set_index("claim")
+    table = claims_table(read_results(build_results(tmp_path, plan, points))).set_index("claim")
     assert table.loc["Initial states of one density hardly vary (COV at most 0.011)", "verdict"] == INCONCLUSIVE
     if "probe" not in stages:
         assert table.loc["Dense samples have the higher G_0", "verdict"] == INCONCLUSIVE
@@ -157,8 +177,8 @@ def test_a_mistake_in_a_statistic_is_no_verdict(results, monkeypatch):
     """A typo once ended as "can't be told" in the published table."""
 
     def typo(samples):
-        return samples["coupled"].points.results.runs["no such column"].mean()
+        return samples["coupled"].results.runs["no such column"].mean()
 
     monkeypatch.setattr(claims, "CLAIMS", [replace(claims.CLAIMS[0], number=typo)])
     with pytest.raises(KeyError, match="no such column"):
-        claims_table(results, n_boot=2)
+        claims_table(results)

@@ -10,9 +10,8 @@ from analysis.figures.friction import along
 from analysis.quantities import QUANTITIES
 from analysis.report.friction import density_words
 from analysis.report.friction import friction as friction_html
-from analysis.results import replicates
 from analysis.results.build import build_results
-from analysis.results.reader import Results, read_results
+from analysis.results.reader import Results, Runs, read_results
 from analysis.tables import evaluate, friction
 
 FRICTION = ("friction", "published_shear", "density_differences")
@@ -25,8 +24,8 @@ def built(folder, **options):
 
 @pytest.fixture(scope="module")
 def campaign(tmp_path_factory):
-    """Fourteen points in three packings each, 2 % noise."""
-    return built(tmp_path_factory.mktemp("friction"), n=14, noise=0.02, packings=(1, 2, 3))
+    """Thirty-two points in eight packings, 2 % noise."""
+    return built(tmp_path_factory.mktemp("friction"), n=32, noise=0.02, packings=tuple(range(1, 9)))
 
 
 def critical_eta(results):
@@ -52,24 +51,24 @@ def test_densities_differ_at_the_peak_and_are_not_shown_to_at_the_critical_state
     assert f"of {len(eta.loc['critical'])} differences" in words
 
 
-@pytest.mark.parametrize(("between", "slope"), [(0.03, 0.0), (0.0, 0.05), (0.03, 0.05)])
-def test_the_interval_covers_what_packings_do_to_level_and_slope(campaign, between, slope, monkeypatch):
-    """A response that is flat but for packings, of which all points have the first and five points have five."""
-    rng, covered = np.random.default_rng(7), []
-    x = np.log(campaign.family_points().mu_s)
-    several = np.argsort(x)[1::3]
-    ends = np.exp([x.min(), np.median(x), x.max()])
-    for _ in range(60):
-        sets = {}
-        for mu_iso in synthetic.DENSITIES:
-            level, tilt = between * rng.normal(size=(5, 1)), slope * rng.normal(size=(5, 1))
-            sets[mu_iso] = 1 + level + tilt * (x - x.mean()) + 0.01 * rng.normal(size=(5, len(x)))
-            sets[mu_iso][1:, np.setdiff1d(np.arange(len(x)), several)] = np.nan
-        monkeypatch.setattr(Results, "state_replicates", lambda _, s, q, m, f="coupled", sets=sets: sets[m])
-        monkeypatch.setattr(Results, "measured", lambda _, s, q, m, f="coupled", sets=sets: replicates.average(sets[m]))
+@pytest.mark.parametrize(("between", "own"), [(0.03, 0.01), (0.0, 0.03), (0.03, 0.03)])
+def test_the_interval_covers_what_packings_and_runs_do(campaign, between, own, monkeypatch):
+    """A response that rises with ln mu_s, but for packings that differ at every density, and runs that scatter."""
+    rng, covered, differences = np.random.default_rng(7), [], []
+    x, packing = np.log(campaign.family_points().mu_s), campaign.packing(0.04)
+    ends = np.exp(np.quantile(x, [0.1, 0.5, 0.9]))
+    for _ in range(40):
+        campaign._cache.clear()
+        of_packing = {m: between * rng.normal(size=9)[packing] for m in synthetic.DENSITIES}
+        values = {m: x + off + own * rng.normal(size=len(x)) for m, off in of_packing.items()}
+        monkeypatch.setattr(Results, "runs_at", lambda _, s, q, m, f="coupled", values=values: Runs(
+            values[m], packing, np.arange(len(x))))  # fmt: skip
         found = friction.along_friction(campaign, "critical", "e", ends)
-        covered += [np.abs(value - 1) < half for value, half in found.values()]
-    assert np.mean(covered) > 0.9
+        covered += [np.abs(value - np.log(ends)) < half for value, half in found.values()]
+        found = friction.differences_along(campaign, "critical", "e", ends)
+        differences += [np.abs(value) < half for value, half in found.values()]
+    campaign._cache.clear()
+    assert np.mean(covered) > 0.9 and np.mean(differences) > 0.9
 
 
 def test_the_modulus_is_that_of_the_points_of_that_friction(campaign):
@@ -97,7 +96,7 @@ def test_few_points_one_packing_and_one_density_make_no_false_statement(tmp_path
     assert (
         len(frame)
         and set(frame["differs"]) == {""}
-        and "replicate packings" in density_words(friction.density_differences(frame))
+        and "fewer than three packings" in density_words(friction.density_differences(frame))
     )
     alone = frame[frame["mu_iso"] == 0.04]
     assert "With one density" in density_words(friction.density_differences(alone))

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import synthetic_results as synthetic
 
+from analysis.inputs.joint import Joint
 from analysis.results.build import build_results
-from analysis.results.reader import Results, read_results
+from analysis.results.reader import read_results
 from analysis.tables.friction_angles import friction_angle, friction_angle_table
 
 
@@ -19,29 +20,22 @@ def test_friction_angle_of_a_mohr_circle():
     assert friction_angle([-4.0, 7.0]) == pytest.approx([-90.0, 90.0])
 
 
-def test_characteristic_angles_of_known_points(tmp_path):
+def test_angles_of_known_points(tmp_path):
     plan, points, info = synthetic.make_campaign(tmp_path, n=14)
     results = read_results(build_results(tmp_path, plan, points, info))
-    frame = friction_angle_table(results, n_boot=15).set_index(["mu_iso", "state"])
-    assert len(frame) == 6
-    order = np.argsort(points.mu_s)
-    middle = np.cumsum(points.probability[order]) - 0.5 * points.probability[order]
-    angle = friction_angle(synthetic.critical_eta(points.mu_s[order]))
-    row = frame.loc[(0.04, "critical")]
-    assert row["q05_points_deg"] == pytest.approx(np.interp(0.05, middle, angle), abs=0.1)
-    for name in ("mean_deg", "q05_points_deg"):
+    frame = friction_angle_table(results).set_index(["mu_iso", "state", "kind"])
+    assert len(frame) == 12
+    row = frame.loc[(0.04, "critical", "denoised")]
+    joint = Joint.from_dict(results.inputs["joint"])
+    exact = friction_angle(synthetic.critical_eta(joint.sample(100_000, np.random.default_rng(1))[:, 0]))
+    assert row["q05_deg"] == pytest.approx(np.quantile(exact, 0.05), abs=0.15)
+    for name, value in (("mean_deg", exact.mean()), ("sd_deg", exact.std()), ("q95_deg", np.quantile(exact, 0.95))):
         assert row[f"{name}_low"] < row[name] < row[f"{name}_high"]
-    exact = friction_angle(synthetic.critical_eta(points.mu_s)) @ points.probability
-    assert row["mean_deg"] == pytest.approx(exact, abs=0.05)
-    assert frame.loc[(0.001, "peak"), "mean_deg"] > frame.loc[(0.1, "peak"), "mean_deg"] > row["mean_deg"]
+        assert row[f"{name}_low"] < value < row[f"{name}_high"]
+    mean = frame["mean_deg"].xs("denoised", level="kind")
+    assert mean[(0.001, "peak")] > mean[(0.1, "peak")] > row["mean_deg"]
 
 
-def test_bands_hold_the_probabilities_of_refitted_inputs(tmp_path, monkeypatch):
-    plan, points, info = synthetic.make_campaign(tmp_path, n=14)
-    results, width = read_results(build_results(tmp_path, plan, points, info)), []
-    rough = (points.mu_s > np.median(points.mu_s)).astype(float)
-    for refitted in (None, np.array([rough, 1 - rough]) / 7):
-        monkeypatch.setattr(Results, "bootstrap_probability", lambda *_, w=refitted: w)
-        frame = friction_angle_table(results, n_boot=30).set_index(["mu_iso", "state"])
-        width.append((frame["mean_deg_high"] - frame["mean_deg_low"])[(0.04, "critical")])
-    assert width[1] > 1.5 * width[0]
+def test_few_runs_have_no_angles():
+    frame = friction_angle_table(read_results(synthetic.example()))
+    assert len(frame) == 12 and frame["mean_deg"].isna().all() and (frame["points"] == 5).all()

@@ -13,11 +13,8 @@ from analysis.inputs.joint import bootstrap_joints, fit_joint
 from analysis.inputs.pairs import read_pairs
 from analysis.pdem import bands, evolution
 from analysis.points.selection import bootstrap_probabilities, select_points
-from analysis.report import page, sections
 from analysis.results.build import build_results
 from analysis.results.reader import read_results
-from analysis.tables import evaluate
-from analysis.tables.moment_bands import input_bands
 
 PAIRS = read_pairs(PAIRS_FILE)
 JOINT = fit_joint(PAIRS, n_boot=0).joint
@@ -41,29 +38,6 @@ def test_reweighted_points_carry_every_refitted_input(drawn):
     for other, share in zip(refitted(), probabilities, strict=True):
         assert share @ x[:, 0] == pytest.approx(other.marginals[0].mean, rel=1e-6)
         assert share @ x[:, 1] == pytest.approx(other.marginals[1].mean, rel=1e-6)
-
-
-def test_bands_of_a_smooth_response_are_those_of_exact_moments(drawn):
-    x, probabilities = drawn
-    eta = synthetic.critical_eta(x[:, 0])
-    squares = [
-        joint.expectation(lambda y: np.stack([(f := synthetic.critical_eta(y[:, 0])), f**2], axis=1), nodes=60)
-        for joint in refitted()
-    ]
-    mean, square = np.array(squares).T
-    std = np.sqrt(square - mean**2)
-    found = bands.reweighted_moment_bands(eta, probabilities)
-    for (low, high), exact in zip((found[0], found[1]), (mean, std), strict=True):
-        ends = np.quantile(exact, [0.025, 0.975])
-        assert [low, high] == pytest.approx(ends, abs=0.08 * (ends[1] - ends[0]))
-    assert found[0][1] - found[0][0] == pytest.approx(2 * 1.96 * mean.std(), rel=0.25)
-
-
-def test_four_times_the_pairs_halve_the_band(drawn):
-    x, probabilities = drawn
-    many = bootstrap_probabilities(np.tile(PAIRS, (4, 1)), JOINT, x, DRAWS, seed=4)
-    width, narrow = (np.diff(bands.reweighted_moment_bands(x[:, 0], p)[0])[0] for p in (probabilities, many))
-    assert narrow == pytest.approx(0.5 * width, rel=0.3)
 
 
 def test_the_band_lies_about_the_density_and_closes_on_known_inputs(drawn):
@@ -99,22 +73,7 @@ def test_results_hold_the_refitted_probabilities(results):
     assert read_results(synthetic.example()).bootstrap_probability(0.04) is None
 
 
-def test_the_table_has_the_moments_within_their_bands(results):
-    frame = input_bands(results).set_index(["mu_iso", "state", "quantity"])
-    assert len(frame) == 3 * 7
-    for name in ("mean", "sd"):
-        assert np.all(frame[f"{name}_low"] < frame[f"{name}_high"])
-        assert np.all((frame[f"{name}_low"] < frame[name]) & (frame[name] < frame[f"{name}_high"]))
-    values, probabilities = results.state("probe", "G_0", 0.1), results.bootstrap_probability(0.1)
-    known = np.isfinite(values)
-    share = probabilities[:, known] / probabilities[:, known].sum(axis=1, keepdims=True)
-    ends = np.quantile(1e-6 * share @ values[known], [0.025, 0.975])
-    row = frame.loc[(0.1, "probe", "G_0")]
-    assert [row["mean_low"], row["mean_high"]] == pytest.approx(ends, rel=1e-9)
-    assert len(input_bands(read_results(synthetic.example()))) == 0
-
-
-def test_figures_and_report_show_the_band(results):
+def test_figures_show_the_band(results):
     axis = Figure().subplots()
     panels.state_pdfs(axis, results, "critical", "eta")
     assert len(axis.collections) == len(synthetic.DENSITIES)
@@ -123,10 +82,3 @@ def test_figures_and_report_show_the_band(results):
     plain = Figure().subplots()
     panels.state_pdfs(plain, read_results(synthetic.example()), "critical", "eta")
     assert not plain.collections
-    text = sections.input_bands_html(results, evaluate(results, ["input_bands", "report_facts"]))
-    assert "With 94 pairs" in text and f"resampled {DRAWS} times" in text
-    row = input_bands(results).iloc[0]
-    for end in ("mean_low", "mean_high", "sd_low", "sd_high"):
-        assert page.number(row[end]) in text
-    plain = read_results(synthetic.example())
-    assert "there are no bands" in sections.input_bands_html(plain, evaluate(plain, ["input_bands"]))

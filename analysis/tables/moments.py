@@ -1,0 +1,71 @@
+"""Mean, standard deviation and quantiles of the states with 95 % intervals, denoised and as simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pandas as pd
+from scipy.stats import qmc
+
+from ..inputs.joint import Joint, bootstrap_joints
+from ..inputs.pairs import FEWEST_PAIRS
+from ..quantities import QUANTITIES
+from ..results.reader import Results
+from ..surrogates.distribution import QUANTILE_LEVELS, Distribution, moments_and_quantiles
+from ..surrogates.surrogate import Surrogate
+from .columns import QUANTILES, unit, with_interval
+from .pooled_states import pooled_states
+
+#: Fewest runs of a density whose moments have intervals.
+FEWEST = 8
+#: log2 of the samples of the inputs, and of those through each refit of the inputs.
+POWER, REFITS = 9, 200
+DENOISED, AS_SIMULATED = "denoised", "as simulated"
+NUMBERS = ("mean", "sd", *QUANTILES)
+
+
+def moments(results: Results) -> pd.DataFrame:
+    """Moments and quantiles of every state per density with 95 % intervals, twice, in displayed units.
+
+    `kind`: "denoised", what the inputs do, from the model without the noise of packings and runs; "as simulated", what
+    one specimen of the simulated number of spheres does.  The intervals contain the error of the model and that of the
+    inputs, which are refitted to resampled pairs.  `runs_share`: share of the squared width of the interval of the mean
+    that more or larger runs could remove; the rest is due to the number of pairs.  `packings`: their number; with one
+    or two the intervals lack what all points share through them.
+    """
+    rows = []
+    for mu_iso, state, symbol, model, samples in pooled_states(results, POWER, FEWEST):
+        factor = QUANTITIES[symbol].shown_factor
+        found, runs_share = with_refits(results, model, samples)
+        for kind, numbers in kinds(found):
+            rows.append((mu_iso, state, symbol, unit(symbol), kind, *(factor * numbers), runs_share, model.packings))
+    columns = ["mu_iso", "state", "quantity", "unit", "kind", *(c for n in NUMBERS for c in with_interval(n))]
+    return pd.DataFrame(rows, columns=[*columns, "runs_share", "packings"])
+
+
+def with_refits(results: Results, model: Surrogate, samples: np.ndarray) -> tuple[Distribution, float]:
+    """Distribution of a model over the inputs with the error of their refits, and the share of the runs in that."""
+    plain = moments_and_quantiles(model, samples, levels=QUANTILE_LEVELS)
+    refits = results.cached("refits of the inputs", lambda: _refits(results))
+    if refits is None:
+        return plain, 1.0
+    found = moments_and_quantiles(model, samples, levels=QUANTILE_LEVELS, refits=refits, pairs=len(results.pairs))
+    wide, narrow = (float(d.denoised.high[0, 0] - d.denoised.low[0, 0]) for d in (found, plain))
+    return found, min((narrow / wide) ** 2, 1.0) if wide > 0 else np.nan
+
+
+def _refits(results: Results) -> np.ndarray | None:
+    """Samples (B, m, 2) of the inputs refitted to resampled pairs, with common random numbers, or None."""
+    if len(results.pairs) < FEWEST_PAIRS:
+        return None
+    uniforms = qmc.Sobol(2, seed=1).random_base2(POWER)
+    fitted = Joint.from_dict(results.inputs["joint"])
+    joints = bootstrap_joints(results.pairs, REFITS, np.random.default_rng(1), fitted)
+    return np.stack([joint.inverse_rosenblatt(uniforms) for joint in joints])
+
+
+def kinds(found: Distribution) -> Iterator[tuple[str, np.ndarray]]:
+    """Kind and its numbers, each followed by low and high."""
+    for kind, estimate in ((DENOISED, found.denoised), (AS_SIMULATED, found.as_simulated)):
+        yield kind, np.stack([estimate.value[0], estimate.low[0], estimate.high[0]], axis=1).ravel()
