@@ -1,12 +1,12 @@
-"""A DEM-like case: raw and smoothed PDEM of noisy stress ratios against Monte Carlo with 10^6 samples of the truth.
+"""A DEM-like case: raw and denoised PDEM of noisy stress ratios against Monte Carlo with 10^6 samples of the truth.
 
     /usr/bin/python3 tests/benchmarks/bench_pdem_noise.py
 
 100 points of equal probability; smooth responses through trial results plus packing noise of known size (0.006
 corresponds to 23,000 spheres, 0.015 to 2,000, 0.03 to 1,000).  Errors of mean, standard deviation, 5 % and 95 %
 quantile over the true standard deviation, mean over 20 repetitions, at the peak and the critical state and along
-strain.  Writes data/benchmarks/pdem_noise.csv; `variance_removed` is the share of the noise variance that smoothing
-removes.
+strain.  Writes data/benchmarks/pdem_noise.csv; `variance_removed` is the share of the noise variance that the
+model removes from the values of the points, `noise_share` its estimate of the share of noise in their variance.
 """
 
 from __future__ import annotations
@@ -63,15 +63,16 @@ if __name__ == "__main__":
             inputs = cases.joint_inputs(cases.sobol_normals(POINTS, repeat))
             smooth = responses(inputs)
             raw = smooth + noise * rng.normal(size=smooth.shape)
-            fitted, share, _ = surrogate.smoothed(inputs, raw)
+            model = surrogate.fit(inputs, raw)
+            fitted, share = model.predict(inputs), model.noise**2 / raw.var(axis=1)
             left = np.mean((fitted - smooth) ** 2, axis=1)
-            for name, h in (("raw", raw), ("smoothed", fitted)):
+            for name, h in (("raw", raw), ("denoised", fitted)):
                 found = errors(h, probability, truth)
                 for k, response in enumerate(ROWS):
                     row = {"noise": noise, "response": response, "kind": name}
                     row |= {key: value[k] for key, value in found.items()}
-                    smoothing = noise > 0 and name == "smoothed"
-                    row["variance_removed"] = 1 - left[k] / noise**2 if smoothing else np.nan
+                    denoised = noise > 0 and name == "denoised"
+                    row["variance_removed"] = 1 - left[k] / noise**2 if denoised else np.nan
                     row["noise_share"] = share[k]
                     rows.append(row)
     table = pd.DataFrame(rows).groupby(["noise", "response", "kind"], sort=False).mean().reset_index()
