@@ -216,7 +216,9 @@ def _slopes_on_G_p(sample: Sample, values: np.ndarray, alone: bool) -> Iterator[
 def stiffness_exponent(samples: Samples) -> float:
     """Least exponent of G_0 in G_p over the densities: slope of ln G_0 on ln G_p beside ln mu_s (quadratic)."""
     sample = samples["coupled"]
-    return _least(slope for slope, _ in _slopes_on_G_p(sample, np.log(sample.values("probe", "G_0")), alone=False))
+    with np.errstate(invalid="ignore"):  # a draw of a wide model may be negative, and then is not known
+        logs = np.log(sample.values("probe", "G_0"))
+    return _least(slope for slope, _ in _slopes_on_G_p(sample, logs, alone=False))
 
 
 def stiffness_gain(samples: Samples) -> float:
