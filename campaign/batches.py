@@ -1,7 +1,7 @@
 """Sequential stopping: run points in batches until the estimated error of the PDFs is below the target.
 
-With `pdem.stop_when` set, the points run in an order in which every beginning covers their range and uses the packings
-evenly. After each batch the stress ratio at the peak, and the stress ratio and the void ratio at the
+With `pdem.stop_when` set, the points run in an order in which every beginning covers their range and uses the
+packings evenly. After each batch the stress ratio at the peak, and the stress ratio and the void ratio at the
 critical state, are judged (`analysis.surrogates.stopping`). tables/enough.json keeps the order, the current batch and
 every judgement. A decision to stop is valid as long as the planned runs and the target stay the same.
 """

@@ -31,7 +31,7 @@ CAPTIONS = {
     "neighbouring strains overlap; values above the scale are cut off.",
     "fig07": "Figure 7. Peak (triangles) and critical state (circles, at the right) of every point, in stress ratio "
     "and void ratio. The strain of a peak comes from curves that are pooled over all points of a density; its value is "
-    "that of the point's own runs. The strain jumps where the pooled curve has two maxima. Loose samples have hardly "
+    "that of the point's own run. The strain jumps where the pooled curve has two maxima. Loose samples have hardly "
     "any peak.",
     "fig08": "Figure 8. Void ratio. The paper: densities differ at the peak and converge at the critical state. "
     "Shaded, here and wherever the PDF of a state is shown: the 95 % band from resampling the pairs alone, without "

@@ -260,7 +260,7 @@ def _packing(points, rows):
         if of_point.setdefault(row.point, row.packing) != row.packing:
             raise ResponsesError(
                 f"run {row.run_id}: point {row.point} has packings {of_point[row.point]} and {row.packing}; a point "
-                "has one packing since version 0.3"
+                "can have one packing only"
             )
     return np.array([of_point[point] for point in points.id.tolist()])
 

@@ -104,7 +104,7 @@ def test_every_point_has_one_packing_the_same_at_every_density(campaign):
         assert np.array_equal(results.packing(mu_iso), dealt)
         assert np.array_equal(results.response("eta", mu_iso).packing, dealt)
     twice = pd.concat([plan, plan[plan["stage"] == "shear"].assign(packing=3)], ignore_index=True)
-    with pytest.raises(ResponsesError, match="has packings . and 3; a point has one packing"):
+    with pytest.raises(ResponsesError, match="has packings . and 3; a point can have one packing only"):
         collect(twice, points)
 
 
