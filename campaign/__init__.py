@@ -3,6 +3,7 @@
 A module imports only modules that stand above it in this list:
 
     files, progress             text and JSON files, digests of code; the progress line
+    scope                       what the tool does not do
     config, folder              the campaign file as one checked value; locks, checksums and failure files of a folder
     run_one                     supervises one run in YADE (`row`: its former name, for tasks that wait in SLURM)
     plan, cell, prepare         the table of runs and its cost; cells too thin; fitted inputs, points and assemblies

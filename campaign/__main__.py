@@ -22,6 +22,7 @@ from campaign.plan import PlannedRun, collapsing, make_rows, predicted_cost, wri
 from campaign.prepare import describe_inputs, prepare, read_planned_points
 from campaign.products import run_statuses
 from campaign.run_one import FREE_BYTES
+from campaign.scope import SCOPE
 from campaign.status import campaign_status, status_text
 
 if TYPE_CHECKING:
@@ -81,7 +82,12 @@ def _config(options: Namespace) -> Config:
 
 def _parser() -> argparse.ArgumentParser:
     """The parser; a command accepts only the options it uses."""
-    parser = argparse.ArgumentParser(prog="python3 -m campaign", description="Stochastic DEM campaigns with YADE.")
+    parser = argparse.ArgumentParser(
+        prog="python3 -m campaign",
+        description="Stochastic DEM campaigns with YADE.",
+        epilog=SCOPE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     parents = {}
     for flag, settings in OPTIONS.items():

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.errors_and_files import GrainScatterError, decoded, digest, shown
+from campaign.scope import out_of_scope
 
 ROOT = Path(__file__).resolve().parent.parent
 #: Largest number of runs at once, of the key run.jobs and of the option --jobs.
@@ -24,6 +25,8 @@ MOST_JOBS = 4096
 #: Kind of a key that is a list of random seeds, or a number of them: n stands for the seeds 1 to n.
 SEEDS = "seeds"
 MOST_SEEDS = 10_000
+#: Kind of the section that gives the columns of the pairs file: names of the project -> names in the file.
+COLUMNS = "columns"
 #: Keys of earlier versions, with what replaces them.
 FORMER = {
     "assembly.replicate_points": "assembly.packings are dealt to the points in rotation, and no point has replicates"
@@ -54,11 +57,14 @@ def key(
 
 @dataclass(frozen=True)
 class Inputs:
-    pairs: str = key("data/pairs_reconstructed.csv", str, doc="CSV file with pairs mu_s, G_p_GPa (or E_p_GPa)")
+    pairs: str = key(
+        "data/pairs_reconstructed.csv", str, doc="CSV or .xlsx file with pairs mu_s, G_p_GPa (or E_p_GPa; MPa, Pa)"
+    )
     marginals: tuple = key((), [str], doc="marginal families to choose from by AIC; empty: all")
     copulas: tuple = key(("gaussian", "student", "frank", "plackett"), [str], doc="copulas to choose from; empty: all")
     seed: int = key(1, int, 0, 2**31 - 1, doc="random seed of the goodness-of-fit test and of per-grain properties")
     bootstrap: int = key(200, int, 19, 100_000, doc="number of simulated samples of the goodness-of-fit test")
+    columns: tuple = key((), COLUMNS, doc='section [inputs.columns], such as G_p_MPa = "name of a column in the pairs"')
 
 
 @dataclass(frozen=True)
@@ -296,6 +302,8 @@ def _refuse_unknown(table: dict, known: list[str], file: str, section: str) -> N
             near = difflib.get_close_matches(name[:60], known, 1, 0.5)
             if places:
                 hint = f"; did you mean {' or '.join(places)}?"
+            elif answer := out_of_scope(name):
+                hint = f"; {answer}"
             else:
                 hint = f"; did you mean {near[0]!r}?" if near else f"; known: {', '.join(known)}"
             raise ConfigError(f"{file}: unknown key {prefix}{shown(name)}{hint}")
@@ -318,6 +326,8 @@ def _fill(kind: type, table: dict, file: str, section: str) -> Any:
             values[f.name] = f.default
         elif meta["kind"] == SEEDS:
             values[f.name] = _seeds(table[f.name], meta, file, full)
+        elif meta["kind"] == COLUMNS:
+            values[f.name] = _columns(table[f.name], file, full)
         elif isinstance(meta["kind"], list):
             if not isinstance(table[f.name], list):
                 raise ConfigError(f"{file}: {full} = {_shown(table[f.name])} must be a list")
@@ -348,7 +358,8 @@ def _value(value: Any, kind: type, meta: Mapping[str, Any], file: str, full: str
     low, high, choices = meta["low"], meta["high"], meta["choices"]
     if choices is not None and value not in choices:
         near = difflib.get_close_matches(str(value)[:60], [str(c) for c in choices], 1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
+        answer = out_of_scope(str(value))
+        hint = f"; {answer}" if answer else f"; did you mean {near[0]!r}?" if near else ""
         raise ConfigError(f"{file}: {full} = {_shown(value)} must be one of {', '.join(map(repr, choices))}{hint}")
     if low is not None and not low <= value <= high:
         ask = meta["asks"][0 if value < low else 1]
@@ -366,6 +377,20 @@ def _seeds(value: Any, meta: Mapping[str, Any], file: str, full: str) -> tuple[i
     if not 1 <= value <= MOST_SEEDS:
         raise ConfigError(f"{file}: {full} = {_shown(value)} is outside [1, {MOST_SEEDS}]")
     return tuple(range(1, value + 1))
+
+
+def _columns(value: Any, file: str, full: str) -> tuple[tuple[str, str], ...]:
+    """The columns of the pairs file as (name of the project, name in the file)."""
+    from analysis.inputs.checks import InputError
+    from analysis.inputs.column_names import check_mapping
+
+    if not isinstance(value, dict):
+        raise ConfigError(f"{file}: {full} = {_shown(value)} must be a section, [{full}]")
+    try:
+        check_mapping(value)
+    except InputError as error:
+        raise ConfigError(f"{file}: {full}: {error}") from None
+    return tuple(value.items())
 
 
 def _shown(value: Any) -> str:
@@ -435,10 +460,19 @@ def jobs(config: Config) -> int:
     return config.run.jobs or len(os.sched_getaffinity(0))
 
 
+def inputs_settings(config: Config) -> dict[str, Any]:
+    """Return the keys of [inputs] that points and grains depend on.
+
+    Without [inputs.columns] they are those of earlier versions, so that points and run ids stay the same.
+    """
+    settings = asdict(config.inputs)
+    return settings if config.inputs.columns else {k: v for k, v in settings.items() if k != "columns"}
+
+
 def grains_file(config: Config, point: int) -> str:
     """Return the name of the file with the properties of a point's single grains.
 
     The name ends in the hash of the settings that the properties are drawn with, and run ids contain the name.
     """
-    drawn_with = json.dumps([asdict(config.inputs), config.material.nu, config.assembly.N], sort_keys=True)
+    drawn_with = json.dumps([inputs_settings(config), config.material.nu, config.assembly.N], sort_keys=True)
     return f"grains_{point}_{digest(drawn_with.encode(), 8)}.h5"

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from analysis.errors_and_files import GrainScatterError, atomic_write, digest, write_hdf5
-from campaign.config import Config, grains_file
+from campaign.config import Config, grains_file, inputs_settings
 from campaign.files import read_json, write_json, write_text
 from campaign.folder import folder_lock
 from campaign.progress import Progress
@@ -132,7 +132,7 @@ def read_planned_points(config: Config, folder: Path) -> RepresentativePoints:
     points = read_points(folder)
     if read_inputs(folder).get("digest") != inputs_digest(config):
         raise PlanError(
-            f"{folder}: [inputs], [points], the pairs or (with E_p_GPa) material.nu "
+            f"{folder}: [inputs], [points], the pairs or (with E_p) material.nu "
             "changed since the points were chosen; run `plan`"
         )
     return points
@@ -157,9 +157,10 @@ def describe_inputs(folder: Path, points: RepresentativePoints) -> tuple[list[st
 def _inputs_text(inputs: dict[str, Any], points: RepresentativePoints) -> list[str]:
     from analysis.inputs.summary import fit_lines
 
+    pairs, source = inputs.get("pairs", []), inputs.get("source") or "unnamed"
     friction, modulus, probability = points.mu_s, points.G_p * 1e-9, points.probability
     return [
-        f"inputs: {len(inputs.get('pairs', []))} pairs, {inputs.get('source') or 'unnamed'}",
+        f"inputs: {inputs.get('understood') or f'{len(pairs)} pairs, {source}'}",
         *(f"  {line}" for line in fit_lines(inputs)),
         f"points: mu_s {friction.min():.3g} to {friction.max():.3g}, "
         f"G_p {modulus.min():.3g} to {modulus.max():.3g} GPa, "
@@ -181,13 +182,15 @@ def _warnings(inputs: dict[str, Any]) -> list[str]:
 
 
 def inputs_digest(config: Config) -> str:
-    """Return the hash of what the points depend on: [inputs], [points], the pairs file, and material.nu with E_p_GPa.
+    """Return the hash of what the points depend on: [inputs], [points], the pairs file, and material.nu with E_p.
 
     Raises ConfigError if the pairs file is missing, OSError if it cannot be read.
     """
-    settings = json.dumps({"inputs": asdict(config.inputs), "points": asdict(config.points)}, sort_keys=True)
+    settings = json.dumps({"inputs": inputs_settings(config), "points": asdict(config.points)}, sort_keys=True)
     pairs = config.pairs_path.read_bytes()
-    nu = f"nu {config.material.nu}" if b"E_p_GPa" in pairs else ""  # G_p of a measured Young's modulus depends on it
+    young = any(key.startswith("E_p") for key, _ in config.inputs.columns) or b"E_p" in pairs.replace(b"\0", b"")
+    packed = pairs.startswith(b"PK")  # a workbook: the names of its columns cannot be seen
+    nu = f"nu {config.material.nu}" if young or packed else ""  # G_p of a measured Young's modulus depends on it
     return digest(settings.encode() + pairs + nu.encode(), 16)
 
 
@@ -201,11 +204,14 @@ def _choose(config: Config) -> tuple[RepresentativePoints, dict[str, Any]]:
     import numpy as np
 
     from analysis.inputs.joint import fit_joint
-    from analysis.inputs.pairs import read_numbered_pairs
     from analysis.inputs.plausibility import input_warnings
+    from analysis.inputs.table import read_input_table
     from analysis.points.selection import select_points
 
-    pairs, lines = read_numbered_pairs(config.pairs_path, nu=config.material.nu)
+    table = read_input_table(config.pairs_path, config.material.nu, dict(config.inputs.columns))
+    if table.names != ("mu_s", "G_p"):
+        raise PlanError(f"{config.pairs_path}: a campaign takes mu_s and G_p, got {', '.join(table.names)}")
+    pairs = table.values
     families: dict[str, Any] = {"copula_families": config.inputs.copulas or None}
     if config.inputs.marginals:
         families["marginal_families"] = config.inputs.marginals
@@ -215,10 +221,12 @@ def _choose(config: Config) -> tuple[RepresentativePoints, dict[str, Any]]:
     _refuse_impossible(points.x, fit.joint, f"the {wanted.n} points", config)
     fits = fit.to_dict()
     fits["marginals"] = dict(zip(("mu_s", "G_p"), fits["marginals"], strict=True))
-    fits["warnings"] = input_warnings(pairs, dict(zip(("mu_s", "G_p"), fit.marginals, strict=True)), fit.copulas, lines)
+    marginals = dict(zip(table.names, fit.marginals, strict=True))
+    fits["warnings"] = input_warnings(pairs, marginals, fit.copulas, table.lines)
     fits["warnings"] += points.moment_warnings()
     inputs = {
         "source": config.inputs.pairs,
+        "understood": table.understood,
         "pairs": pairs.tolist(),
         **fits,
         "point_attrs": {

@@ -1,7 +1,7 @@
 """Measured pairs of mu_s and G_p and their joint distribution: reading, marginals, copula, refits to bootstrap samples.
 
-Rule: numpy, scipy, `copulas` and what lies below it; no file but the CSV of the pairs, and no pandas.  `pairs` needs
-numpy alone; the other names are imported on first use.
+Rule: numpy, scipy, `copulas` and what lies below it; no file but the table of measurements, and no pandas.  `pairs`
+needs numpy alone (and openpyxl for a table in .xlsx); the other names are imported on first use.
 """
 
 from ..errors_and_files import lazy_names

@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 import synthetic_results
 import synthetic_runs
+from paths import ROOT
 
 from analysis.report import sections, wording
 from analysis.results.build import CampaignInfo, _write_head
 from campaign.__main__ import main
-from campaign.config import read_config
+from campaign.config import parse_config, read_config
 from campaign.evaluate import _campaign_info
-from campaign.prepare import read_points
+from campaign.prepare import inputs_digest, read_points
 
 #: 32 pairs, two of them gross errors of typing: mu_s = 3.1 in line 23 and G_p = 410 GPa in line 27.
 OUTLIERS = """# 32 pairs
@@ -38,7 +39,7 @@ def planned(folder, capsys, pairs, code=0):
 
 def test_plan_states_fits_verdicts_and_points(tmp_path, capsys):
     lines = planned(tmp_path, capsys, None).out.splitlines()
-    assert lines[0] == "inputs: 20 pairs, pairs.csv"
+    assert lines[0] == "inputs: pairs.csv: 20 pairs, ',' between cells, decimal point, units GPa"
     test = r"KS D = 0\.\d{3}, p [=<] [\d.]+, AD = \d\.\d\d, p [=<] [\d.]+: (accepted|rejected)"
     assert re.fullmatch(
         rf"  mu_s: \w+ \(\w+ = [\d.]+, \w+ = [\d.]+\); AIC [\d.]+ below the next, \w+; {test}.*", lines[1]
@@ -127,3 +128,53 @@ def test_warnings_change_neither_points_nor_runs(tmp_path, capsys, monkeypatch):
         assert (tmp_path / "a" / "run" / name).read_bytes() == (tmp_path / "b" / "run" / name).read_bytes()
     probability = read_points(tmp_path / "b" / "run").probability
     assert np.sum(probability) == pytest.approx(1.0)
+
+
+def test_columns_with_other_names_are_read_and_plan_says_how(tmp_path, capsys):
+    """The same pairs as a European export give the same points; the line is kept, and an older file has none."""
+    path = synthetic_runs.write_config(tmp_path, n=8)
+    assert main(["plan", str(path), "--folder", str(tmp_path / "a")]) == 0
+    capsys.readouterr()
+    lines = synthetic_runs.PAIRS.replace(",", ";").replace(".", ",").splitlines()
+    (tmp_path / "pairs.csv").write_bytes(("\n".join(["Reibung µ;G (GPa)", *lines[1:]]) + "\n").encode("cp1252"))
+    path.write_text(path.read_text() + '[inputs.columns]\nmu_s = "Reibung µ"\nG_p_GPa = "G (GPa)"\n')
+    assert main(["plan", str(path), "--folder", str(tmp_path / "b")]) == 0
+    said = (
+        "pairs.csv: 20 pairs, ';' between cells, decimal comma, units GPa, Windows-1252, mu_s from 'Reibung μ', "
+        "G_p_GPa from 'G (GPa)'"
+    )
+    assert capsys.readouterr().out.splitlines()[0] == f"inputs: {said}"
+    assert (tmp_path / "a" / "points.csv").read_bytes() == (tmp_path / "b" / "points.csv").read_bytes()
+    kept = tmp_path / "b" / "inputs.json"
+    inputs = json.loads(kept.read_text())
+    assert inputs.pop("understood") == said
+    kept.write_text(json.dumps(inputs))
+    assert main(["plan", str(path), "--folder", str(tmp_path / "b")]) == 0
+    output = capsys.readouterr().out.splitlines()
+    assert output[0] == "inputs: 20 pairs, pairs.csv" and "8 points kept" in "\n".join(output)
+
+
+def test_a_table_of_more_properties_is_refused_in_one_line(tmp_path, capsys):
+    path = synthetic_runs.write_config(tmp_path, n=8)
+    lines = synthetic_runs.PAIRS.splitlines()
+    rows = [f"{lines[0]},nu", *(f"{line},{0.1 + 0.01 * k:.2f}" for k, line in enumerate(lines[1:]))]
+    (tmp_path / "pairs.csv").write_text("\n".join(rows) + "\n")
+    assert main(["plan", str(path), "--folder", str(tmp_path / "run")]) == 2
+    assert "pairs.csv: a campaign takes mu_s and G_p, got mu_s, G_p, nu" in capsys.readouterr().err
+
+
+def test_the_digest_of_inputs_without_columns_is_that_of_earlier_versions():
+    kept = json.loads((ROOT / "data" / "laptop" / "inputs.json").read_text())
+    assert inputs_digest(read_config(ROOT / "campaign" / "laptop.toml")) == kept["digest"]
+
+
+@pytest.mark.parametrize("header, columns, depends", [
+    ("mu_s,G_p_GPa", "", False), ("mu_s,E_p_GPa", "", True), ("mu_s,E_p_MPa", "", True), ("mu_s,E_p [GPa]", "", True),
+    ("mu_s,E", "E_p_GPa = 'E'", True), ("mu_s,G", "G_p_GPa = 'G'", False),
+])  # fmt: skip
+def test_points_depend_on_nu_if_the_modulus_is_youngs(header, columns, depends, tmp_path):
+    for encoding in ("utf-8", "utf-16"):
+        (tmp_path / "pairs.csv").write_bytes(header.encode(encoding))
+        text = f"[inputs]\npairs = 'pairs.csv'\n[inputs.columns]\n{columns}\n[material]\nnu = "
+        found = {inputs_digest(parse_config(text + nu, tmp_path / "t.toml")) for nu in ("0.2", "0.3")}
+        assert len(found) == (2 if depends else 1)

@@ -96,20 +96,10 @@ def test_quoted_cells_and_all_ends_of_lines_are_read(tmp_path):
         assert pairs[3] == pytest.approx([0.13, 23e9]) and lines == list(range(2, 14))
 
 
-@pytest.mark.parametrize(
-    ("data", "words"),
-    [
-        ("mu_s,G_p_GPa,d\n0.2,20,1\n0.2,20,5 µm\n".encode("cp1252"),
-         "line 3: byte 0xb5 is not UTF-8; in Windows-1252 it is 'µ': save the file as UTF-8"),
-        ("mu_s,G_p_GPa\n0.2,20\n".encode("utf-16"), "seems to be in UTF-16"),
-        ("mu_s,G_p_GPa\n0.2,20\n".encode("utf-16-le"), "seems to be in UTF-16"),
-        (b"mu_s,G_p_GPa\n\x81\xff,20\n", "line 2: byte 0x81 is not UTF-8; is it a text file"),
-    ],
-)  # fmt: skip
-def test_another_encoding_is_named_with_its_line(tmp_path, data, words):
+def test_bytes_of_no_known_encoding_are_named_with_their_line(tmp_path):
     path = tmp_path / "pairs.csv"
-    path.write_bytes(data)
-    with pytest.raises(InputError, match=words):
+    path.write_bytes(b"mu_s,G_p_GPa\n\x81\xff,20\n")
+    with pytest.raises(InputError, match="line 2: byte 0x81 is not UTF-8; is it a text file"):
         read_pairs(path)
 
 

@@ -8,7 +8,8 @@ import pytest
 from paths import DATA
 
 from analysis.inputs import marginals
-from analysis.inputs.pairs import LARGEST_FRICTION, read_pairs
+from analysis.inputs.pairs import read_pairs
+from analysis.inputs.variables import VARIABLES
 
 TABLE = pd.read_csv(DATA / "published_measurements.csv", comment="#")
 
@@ -17,7 +18,7 @@ def test_every_line_is_a_number_with_its_source():
     assert list(TABLE.columns) == ["material", "quantity", "value", "spread", "n", "source"] and len(TABLE) > 0
     assert not TABLE.duplicated(["material", "quantity", "source"]).any()
     assert TABLE[["material", "quantity", "value", "source"]].notna().all().all()
-    assert np.all((TABLE["value"] > 0) & (TABLE["value"] < LARGEST_FRICTION))
+    assert np.all((TABLE["value"] > 0) & (TABLE["value"] < VARIABLES["mu_s"].high))
     assert TABLE["source"].str.contains(r"\(\d{4}\).*doi:10\.\d{4,}/\S+").all()
     for name in ("spread", "n"):
         assert (TABLE[name].dropna() > 0).all()
