@@ -25,8 +25,9 @@ class CopulaFit:
     """One family fitted to n pairs of pseudo-observations, with its test of fit, if made.
 
     `loglik`, `aic` and `bic` are pseudo-likelihood values, because they are computed from ranks.  `se` and `interval`
-    (95 %) follow Genest, Ghoudi and Rivest (1995).  `S`, `p_paper` (against independent uniforms), `p_bootstrap`,
-    `accepted` (p_bootstrap > 0.05) and `n_boot` are None before `select` has tested the fit.
+    (95 %) follow Genest, Ghoudi and Rivest (1995).  `S` (mean of the two orders of the columns), `p_bootstrap`,
+    `accepted` (p_bootstrap > 0.05), `p_paper` (the paper's test: the given order, against independent uniforms) and
+    `n_boot` are None before `select` has tested the fit.
     """
 
     family: str

@@ -1,4 +1,7 @@
-"""Goodness of fit of a copula: Cramer-von Mises distance of Rosenblatt's transform to independence; two references."""
+"""Goodness of fit of a copula: Cramer-von Mises distance of Rosenblatt's transform to independence; two references.
+
+The test is the same for both orders of the two columns, and it allows for ties: `bootstrap_test`.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .fitting import fit_rows, pseudo_observations
-from .model import evaluate, family_of
+from .model import evaluate, family_of, transposed
 
 #: Elements of the largest temporary array of the sum over pairs; small, so that it stays in the processor's cache.
 _CHUNK = 250_000
 #: Larger samples are compared with simulated samples of this size: the distribution of S no longer depends on n there.
 LARGEST_SIMULATED = 5000
+#: Larger samples have their sum over pairs by sorted halves, which is faster there.
+LARGEST_SQUARE = 1500
+#: Simulated values that are equal to S up to rounding count as equal: tied samples have few values of S.
+_EQUAL = 1e-9
 
 
 def cramer_von_mises(z: np.ndarray) -> np.ndarray:
@@ -27,7 +34,7 @@ def cramer_von_mises(z: np.ndarray) -> np.ndarray:
     order = np.argsort(rows[..., 0], axis=1)
     a = np.take_along_axis(1.0 - rows[..., 0], order, axis=1)
     b = np.take_along_axis(1.0 - rows[..., 1], order, axis=1)
-    double = _sum_over_pairs(a, b) if n <= LARGEST_SIMULATED else np.array(list(map(_sum_by_halves, a, b)))
+    double = _sum_over_pairs(a, b) if n <= LARGEST_SQUARE else np.array(list(map(_sum_by_halves, a, b)))
     return (n / 9.0 - 0.5 * single + double / n).reshape(z.shape[:-2])
 
 
@@ -86,29 +93,80 @@ def bootstrap_test(
 ) -> tuple[float, float]:
     """S of pseudo-observations (n, 2) under a fitted copula with parameters (k,), and its p-value by bootstrap.
 
-    Parametric bootstrap: each replicate draws n pairs from the fitted copula, ranks them, fits the family again and
-    computes S*; p = (1/2 + number of S* >= S) / (n_boot + 1).  Above LARGEST_SIMULATED pairs the replicates have that
-    size.
+    S is the mean of the two orders of Rosenblatt's transform.  Parametric bootstrap: each replicate draws n pairs from
+    the fitted copula, gives them the ties of the sample, fits the family again and computes S*; p = (1/2 + number of
+    S* >= S) / (n_boot + 1).  Exchanged columns, with the family turned accordingly, have the same p with the same
+    random numbers.  Above LARGEST_SIMULATED pairs the replicates have that size; a larger sample that has ties is
+    replaced by so many of its pairs, because with ties S grows with n.
     """
-    parameters = np.asarray(parameters, dtype=float)
-    S = float(statistic(pairs[None], family, parameters[None])[0])
-    simulated = simulate_statistics(family, parameters, min(len(pairs), LARGEST_SIMULATED), n_boot, rng)
-    return S, float((0.5 + np.sum(simulated >= S)) / (n_boot + 1.0))
+    values: np.ndarray = np.asarray(parameters, dtype=float)
+    if _exchanged(pairs):
+        pairs, family = pairs[:, ::-1], transposed(family)
+    table = np.sort(pairs, axis=0)
+    if len(pairs) > LARGEST_SIMULATED:
+        if np.any(np.diff(table, axis=0) == 0.0):
+            ordered = pairs[np.lexsort(pairs.T[::-1])]
+            part = ordered[rng.choice(len(pairs), LARGEST_SIMULATED, replace=False)]
+            pairs = pseudo_observations(part.T).T
+            values = fit_rows(pairs[None, :, 0], pairs[None, :, 1], family)[0]
+            table = np.sort(pairs, axis=0)
+        else:
+            table = without_ties(LARGEST_SIMULATED)
+    S = float(statistic(pairs[None], family, values[None])[0])
+    simulated = simulate_statistics(family, values, table, n_boot, rng)
+    return S, float((0.5 + np.sum(simulated >= S * (1.0 - _EQUAL))) / (n_boot + 1.0))
 
 
 def statistic(pairs: np.ndarray, family: str, parameters: np.ndarray) -> np.ndarray:
-    """S (R,) of each sample of pseudo-observations (R, n, 2) under the copula with parameters (R, k)."""
+    """S (R,) of samples of pseudo-observations (R, n, 2) under the copula with parameters (R, k): mean of two orders.
+
+    The orders are Rosenblatt's transforms (u, P(V <= v | U = u)) and (v, P(U <= u | V = v)).
+    """
+    other = statistic_of_one_order(pairs[..., ::-1], transposed(family), parameters)
+    return 0.5 * (statistic_of_one_order(pairs, family, parameters) + other)
+
+
+def statistic_of_one_order(pairs: np.ndarray, family: str, parameters: np.ndarray) -> np.ndarray:
+    """S (R,) as in `statistic`, of Rosenblatt's transform (u, P(V <= v | U = u)) alone: the paper's Eq. 5."""
     u, v = pairs[..., 0], pairs[..., 1]
     columns = [parameters[:, [j]] for j in range(parameters.shape[1])]
     return cramer_von_mises(np.stack([u, evaluate(family_of(family), "conditional", u, v, *columns)], axis=-1))
 
 
+def without_ties(n: int) -> np.ndarray:
+    """Sorted pseudo-observations (n, 2) of n pairs without ties: k / (n + 1) in both columns."""
+    return np.repeat(np.arange(1, n + 1)[:, None] / (n + 1.0), 2, axis=1)
+
+
 def simulate_statistics(
-    family: str, parameters: np.ndarray, n: int, count: int, rng: np.random.Generator
+    family: str, parameters: np.ndarray, table: np.ndarray, count: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """S (count,) of samples of n pairs drawn from the copula with parameters (k,), each ranked and fitted again."""
-    w = rng.random((count, n, 2))
+    """S (count,) of samples drawn from the copula with parameters (k,), each ranked and fitted again.
+
+    table (n, 2) holds the sorted pseudo-observations of the sample: the value of rank k of a column gets the k-th of
+    them, so that every simulated sample has the ties of the sample.  The random numbers go to the columns in the given
+    order.
+    """
+    w = rng.random((count, len(table), 2))
     v = evaluate(family_of(family), "inverse", w[..., 0], w[..., 1], *parameters)[0]
-    pairs = np.stack([pseudo_observations(w[..., 0]), pseudo_observations(v)], axis=-1)
+    pairs = np.stack([column[_order(x)] for column, x in zip(table.T, (w[..., 0], v), strict=True)], axis=-1)
     start = parameters[0] if len(parameters) == 1 else None
     return statistic(pairs, family, fit_rows(pairs[..., 0], pairs[..., 1], family, start))
+
+
+def _order(x: np.ndarray) -> np.ndarray:
+    """Places 0 to n - 1 of the values of each row of x (R, n) in that row."""
+    order = np.argsort(x, axis=1)
+    places = np.empty_like(order)
+    np.put_along_axis(places, order, np.arange(x.shape[1])[None], axis=1)
+    return places
+
+
+def _exchanged(pairs: np.ndarray) -> bool:
+    """True if the columns of pairs (n, 2) are exchanged for the test; the order of the rows makes no difference.
+
+    Of the two lists of pairs, sorted by their first and then by their second column, the lexically smaller one is used.
+    """
+    ours, other = (x[np.lexsort(x.T[::-1])].ravel() for x in (pairs, pairs[:, ::-1]))
+    different = np.flatnonzero(ours != other)
+    return bool(different.size and other[different[0]] < ours[different[0]])

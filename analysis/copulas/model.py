@@ -111,6 +111,14 @@ def family_of(name: str) -> Family:
     return FAMILIES[name]
 
 
+def transposed(name: str) -> str:
+    """The family of the same copula with its two variables exchanged: rotations by 90 and 270 degrees change places."""
+    for turn, other in (("90", "270"), ("270", "90")):
+        if name.endswith(turn):
+            return name.removesuffix(turn) + other
+    return name
+
+
 def evaluate(kind: Family, name: str, u: ArrayLike, v: ArrayLike, *params: Any) -> Any:
     """Result of the function `name` of a family at probabilities u, v and parameters that broadcast.
 

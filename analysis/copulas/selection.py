@@ -38,7 +38,8 @@ def select(
     if n_boot:
         pairs = np.stack([pseudo_observations(u), pseudo_observations(v)], axis=1)
         reference = goodness.independent_reference(len(pairs), n_boot, rng)
-        fits = [_tested(candidate, pairs, n_boot, reference, rng) for candidate in fits]
+        seed = int(rng.integers(2**63))
+        fits = [_tested(candidate, pairs, n_boot, reference, seed) for candidate in fits]
     return sorted(fits, key=lambda candidate: (candidate.accepted is False, candidate.aic))
 
 
@@ -79,11 +80,10 @@ def candidates(x: ArrayLike, y: ArrayLike, families: tuple[str, ...] | None = No
     return tuple(dict.fromkeys(names))
 
 
-def _tested(
-    fitted: CopulaFit, pairs: np.ndarray, n_boot: int, reference: np.ndarray, rng: np.random.Generator
-) -> CopulaFit:
-    """The fit with the results of its test."""
-    S, p = goodness.bootstrap_test(pairs, fitted.family, fitted.parameters, n_boot, rng)
-    return replace(
-        fitted, S=S, p_paper=float(np.mean(reference > S)), p_bootstrap=p, accepted=bool(p > LEVEL), n_boot=n_boot
-    )
+def _tested(fitted: CopulaFit, pairs: np.ndarray, n_boot: int, reference: np.ndarray, seed: int) -> CopulaFit:
+    """The fit with the results of its test; every family has the same random numbers."""
+    parameters = np.array(fitted.parameters)
+    S, p = goodness.bootstrap_test(pairs, fitted.family, parameters, n_boot, np.random.default_rng(seed))
+    of_paper = goodness.statistic_of_one_order(pairs[None], fitted.family, parameters[None])[0]
+    p_paper = float(np.mean(reference > of_paper))
+    return replace(fitted, S=S, p_paper=p_paper, p_bootstrap=p, accepted=bool(p > LEVEL), n_boot=n_boot)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +13,7 @@ from scipy import special
 from .. import copulas
 from ..copulas.elliptical import normal_score
 from ..copulas.multivariate import GaussianCopula, fit_gaussian
-from . import marginals
+from . import marginals, refits
 from .pairs import check_pairs
 
 #: Resampled values that are refitted at a time, where samples have more than _LARGEST_AT_ONCE pairs.
@@ -224,38 +224,49 @@ def fit_joint(
 
 
 def bootstrap_joints(
-    pairs: np.ndarray, n_boot: int, rng: np.random.Generator, joint: Joint | None = None
+    pairs: np.ndarray,
+    n_boot: int,
+    rng: np.random.Generator,
+    joint: Joint | None = None,
+    candidates: refits.Candidates | None = None,
 ) -> list[Joint]:
     """Joint distributions refitted to n_boot bootstrap samples of the pairs (n, d): the uncertainty of the inputs.
 
-    Families are those of `joint`; if it is None, those that `fit_joint` selects for the pairs by AIC alone.
+    With `candidates` every sample chooses its families again by AIC; only the Gaussian copula of over two variables
+    stays.  Without them the families are those of `joint`; if this is None too, those that `fit_joint` selects for the
+    pairs by AIC alone.
     """
     pairs = check_pairs(pairs)
     joint = fit_joint(pairs, n_boot=0).joint if joint is None else joint
+    families: refits.Candidates = candidates or _families(joint)
+    if isinstance(joint.copula, copulas.Copula):
+        u, v = copulas.pseudo_observations(pairs.T)
+        possible = refits.possible_copulas(u, v, families.copulas)
+        families = refits.Candidates(families.marginals, possible)
     block = n_boot if len(pairs) <= _LARGEST_AT_ONCE else max(1, _AT_ONCE // len(pairs))
     counts = [min(block, n_boot - start) for start in range(0, n_boot, max(1, block))]
-    return [refitted for count in counts for refitted in _refitted(pairs, count, rng, joint)]
+    return [refitted for count in counts for refitted in _refitted(pairs, count, rng, joint, families)]
 
 
-def _refitted(pairs: np.ndarray, n_boot: int, rng: np.random.Generator, joint: Joint) -> list[Joint]:
+def _families(joint: Joint) -> refits.Candidates:
+    """The families of a joint distribution as the only candidates."""
+    family = joint.copula.family if isinstance(joint.copula, copulas.Copula) else "gaussian"
+    return refits.Candidates(tuple((m.family,) for m in joint.marginals), (family,))
+
+
+def _refitted(
+    pairs: np.ndarray, n_boot: int, rng: np.random.Generator, joint: Joint, families: refits.Candidates
+) -> list[Joint]:
     """The joint distributions of `bootstrap_joints`, of samples that fit into memory at once."""
     resampled = pairs[rng.integers(0, len(pairs), (n_boot, len(pairs)))]
-    names = [list(m.params) for m in joint.marginals]
-    columns = [marginals.fit_rows(resampled[..., i], m.family) for i, m in enumerate(joint.marginals)]
-    refitted: list[copulas.Copula | GaussianCopula]
-    if isinstance(joint.copula, GaussianCopula):
-        refitted = [fit_gaussian(rows) for rows in resampled]
-    else:
-        u, v = copulas.pseudo_observations(resampled[..., 0]), copulas.pseudo_observations(resampled[..., 1])
-        dependence = copulas.fit_rows(u, v, joint.copula.family)
-        refitted = [copulas.Copula(joint.copula.family, tuple(row.tolist())) for row in dependence]
-    return [
-        Joint(
-            tuple(
-                marginals.Marginal(m.family, dict(zip(names[i], columns[i][k].tolist(), strict=True)))
-                for i, m in enumerate(joint.marginals)
-            ),
-            refitted[k],
-        )
-        for k in range(n_boot)
+    columns = [
+        refits.refitted_marginals(resampled[..., i], names, fitted)
+        for i, (names, fitted) in enumerate(zip(families.marginals, joint.marginals, strict=True))
     ]
+    dependence: Sequence[copulas.Copula | GaussianCopula]
+    if isinstance(joint.copula, copulas.Copula):
+        u, v = (copulas.pseudo_observations(resampled[..., i]) for i in (0, 1))
+        dependence = refits.refitted_copulas(u, v, families.copulas)
+    else:
+        dependence = [fit_gaussian(rows) for rows in resampled]
+    return [Joint(of_row, copula) for of_row, copula in zip(zip(*columns, strict=True), dependence, strict=True)]

@@ -1,5 +1,7 @@
 """Marginal distributions of one measured property: maximum likelihood, information criteria, goodness of fit.
 
+`FAMILIES` are the candidates of a fit; `kernel`, a density without a family, is fitted only where it is asked for.
+
 Every estimator works on many samples at once, the rows of an (R, n) array: R = 1 for one fit, R = 2,000 for the
 reference distributions of the Kolmogorov-Smirnov and Anderson-Darling statistics *with fitted parameters*.
 """
@@ -8,17 +10,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .marginal_families import FAMILIES, MarginalError, MarginalFamily, family_of
+from . import kernel_marginal
+from .marginal_families import FAMILIES, MarginalError, MarginalFamily
+from .marginal_families import family_of as parametric_family
 
 SIMULATIONS = 2000
 _LARGEST_SIMULATION = 4_000_000  # simulated values at most; large samples have fewer simulations
 #: Larger samples are compared with simulated samples of this size: sqrt(n) D and A^2 no longer depend on n there.
+#: With ties they do; then so many values of the sample, chosen at random, are tested in its place.
 LARGEST_SIMULATED = 20_000
 #: Significance level of the two tests.
 LEVEL = 0.05
@@ -30,14 +35,17 @@ _KS_POINT = 1.358
 class Marginal:
     """A distribution of one property, with the record of its fit (None if it was not fitted to data).
 
-    `params` and standard errors `se` are keyed by parameter name.  `ks` and `ad` are the Kolmogorov-Smirnov and the
-    Anderson-Darling statistic.  `ks_critical` is the 5 % value for known parameters, 1.358 / sqrt(n), as in the paper;
-    `ks_critical_fitted`, `ad_critical_fitted` and the two p-values allow for fitted parameters (parametric bootstrap,
-    Lilliefors 1967).  Raises MarginalError for an unknown family or parameters out of range.
+    `params` and standard errors `se` are keyed by parameter name.  `values` are the centres of a kernel density, whose
+    `aic` is -2 times its log-likelihood with each value left out; it has no test.  `ks` and `ad` are the
+    Kolmogorov-Smirnov and the Anderson-Darling statistic.  `ks_critical` is the 5 % value for known parameters,
+    1.358 / sqrt(n), as in the paper; `ks_critical_fitted`, `ad_critical_fitted` and the two p-values allow for fitted
+    parameters (parametric bootstrap, Lilliefors 1967).  Raises MarginalError for an unknown family or parameters out of
+    range.
     """
 
     family: str
     params: dict[str, float]
+    values: tuple[float, ...] = ()
     se: dict[str, float] = field(default_factory=dict)
     n: int | None = None
     loglik: float | None = None
@@ -53,10 +61,19 @@ class Marginal:
 
     def __post_init__(self) -> None:
         family_of(self.family).check(self.params)
+        object.__setattr__(self, "values", tuple(float(value) for value in self.values))
+        if (self.family == kernel_marginal.NAME) != bool(self.values):
+            raise MarginalError(f"{self.family}: has {len(self.values)} centres of kernels")
+        if self.values and not (np.isfinite(self.values).all() and min(self.values) > 0.0):
+            raise MarginalError(f"{self.family}: a centre of the kernels is not a positive number")
+
+    @property
+    def _arguments(self) -> tuple[Any, ...]:
+        return (*self.params.values(), *((np.array(self.values),) if self.values else ()))
 
     def _call(self, name: str, x: ArrayLike) -> np.ndarray:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            return getattr(family_of(self.family), name)(np.asarray(x, dtype=float), *self.params.values())
+            return getattr(family_of(self.family), name)(np.asarray(x, dtype=float), *self._arguments)
 
     def logpdf(self, x: ArrayLike) -> np.ndarray:
         """Log PDF at x, -inf outside the support."""
@@ -85,16 +102,16 @@ class Marginal:
     @property
     def mean(self) -> float:
         """Expected value."""
-        return family_of(self.family).moments(*self.params.values())[0]
+        return family_of(self.family).moments(*self._arguments)[0]
 
     @property
     def std(self) -> float:
         """Standard deviation."""
-        return float(np.sqrt(family_of(self.family).moments(*self.params.values())[1]))
+        return float(np.sqrt(family_of(self.family).moments(*self._arguments)[1]))
 
     def to_dict(self) -> dict[str, Any]:
-        """A JSON-ready dictionary."""
-        return asdict(self)
+        """A JSON-ready dictionary; `values` only where there are some."""
+        return {name: value for name, value in asdict(self).items() if name != "values" or value}
 
     @staticmethod
     def from_dict(data: dict[str, Any]) -> Marginal:
@@ -106,10 +123,13 @@ def fit(x: ArrayLike, family: str, n_sim: int = SIMULATIONS, seed: int = 1) -> M
     """Fit one family to x (n,) by maximum likelihood, with standard errors from the observed information.
 
     `n_sim` samples from the fit give the reference distributions of the two goodness-of-fit statistics; with 0 those
-    fields are None.  Above LARGEST_SIMULATED values the samples have that size.  Raises MarginalError for an unknown
-    family, fewer than 3 values, values outside the support, or values without scatter.
+    fields are None.  Each sample gets the ties of x.  Above LARGEST_SIMULATED values the samples have that size.
+    Raises MarginalError for an unknown family, fewer than 3 values, values outside the support, or values without
+    scatter.
     """
     x = _checked(x, family)
+    if family == kernel_marginal.NAME:
+        return _fit_kernel(x)
     kind = family_of(family)
     n = x.size
     estimate = kind.mle(x[None, :])[0]
@@ -119,17 +139,7 @@ def fit(x: ArrayLike, family: str, n_sim: int = SIMULATIONS, seed: int = 1) -> M
     loglik = float(kind.logpdf(x, *estimate).sum())
     k = len(params)
     ks, ad = (float(value[0]) for value in _statistics(kind, x[None, :], estimate[None, :]))
-    tests: dict[str, float] = {}
-    if n_sim:
-        size = min(n, LARGEST_SIMULATED)
-        rows = max(200, min(n_sim, _LARGEST_SIMULATION // size))
-        samples = kind.ppf(np.random.default_rng(seed).random((rows, size)), *estimate)
-        distances, squares = _statistics(kind, samples, kind.mle(samples))
-        if n > size:
-            distances = distances * np.sqrt(size / n)
-        for name, value, reference in (("ks", ks, distances), ("ad", ad, squares)):
-            tests[f"{name}_critical_fitted"] = float(np.quantile(reference, 0.95))
-            tests[f"{name}_p_fitted"] = float((0.5 + np.sum(reference >= value)) / (rows + 1))
+    tests: dict[str, Any] = _tested(kind, x, estimate, (ks, ad), n_sim, seed) if n_sim else {}
     return Marginal(
         family=family,
         params=params,
@@ -143,6 +153,56 @@ def fit(x: ArrayLike, family: str, n_sim: int = SIMULATIONS, seed: int = 1) -> M
         ad=ad,
         **tests,
     )
+
+
+def _tested(
+    kind: MarginalFamily, x: np.ndarray, estimate: np.ndarray, found: tuple[float, float], n_sim: int, seed: int
+) -> dict[str, float]:
+    """Critical values and p-values of both statistics of x (n,), which are `found` for its fit `estimate` (k,)."""
+    rng = np.random.default_rng(seed)
+    n, size = x.size, min(x.size, LARGEST_SIMULATED)
+    rows = max(200, min(n_sim, _LARGEST_SIMULATION // size))
+    samples = kind.ppf(rng.random((rows, size)), *estimate)
+    scale = np.sqrt(size / n)
+    tied = np.unique(x).size < n
+    if tied and n > size:
+        x, scale = rng.choice(x, size, replace=False), 1.0
+        ours = _statistics(kind, x[None, :], kind.mle(x[None, :]))
+        found = float(ours[0][0]), float(ours[1][0])
+    if tied:
+        samples = _with_ties(samples, x)
+    tests: dict[str, float] = {}
+    distances, squares = _statistics(kind, samples, kind.mle(samples))
+    for name, value, reference in (("ks", found[0], distances * scale), ("ad", found[1], squares)):
+        tests[f"{name}_critical_fitted"] = float(np.quantile(reference, 0.95))
+        tests[f"{name}_p_fitted"] = float((0.5 + np.sum(reference >= value)) / (rows + 1))
+    return tests
+
+
+def _with_ties(samples: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Sorted samples (R, n) with the ties of x (n,): values at the places of tied values of x get their mean."""
+    starts = np.unique(np.sort(x), return_index=True)[1]
+    sizes = np.diff(np.append(starts, x.size))
+    return np.repeat(np.add.reduceat(np.sort(samples, axis=1), starts, axis=1) / sizes, sizes, axis=1)
+
+
+def _fit_kernel(x: np.ndarray) -> Marginal:
+    """A kernel density of x (n,), without standard errors and without a test."""
+    h = kernel_marginal.bandwidth(x)
+    plain = Marginal(kernel_marginal.NAME, {"bandwidth_ln": h}, tuple(kernel_marginal.centres(x, h)))
+    return replace(
+        plain, n=x.size, loglik=float(plain.logpdf(x).sum()), aic=-2.0 * kernel_marginal.left_out_loglik(x, h)
+    )
+
+
+def family_of(name: str) -> MarginalFamily:
+    """The family of that name, the kernel density included; raises MarginalError if there is none."""
+    if name == kernel_marginal.NAME:
+        return kernel_marginal.KERNEL
+    try:
+        return parametric_family(name)
+    except MarginalError as error:
+        raise MarginalError(f"{error}, {kernel_marginal.NAME}") from None
 
 
 def fit_all(

@@ -15,6 +15,7 @@ import numpy as np
 
 from ..copulas.fitting import CopulaFit
 from ..quantities import QUANTITIES, Quantity
+from .independence import LEVEL, kendall
 from .marginals import Marginal, verdict
 
 #: (smallest distance from the median, smallest gap) in units of the scatter.
@@ -23,6 +24,8 @@ _ABOVE, _BELOW = (4.5, 1.5), (6.0, 3.0)
 LARGEST_TIES = 0.05
 #: Largest share of pairs that may repeat an earlier pair, unless ties explain the repetition.
 LARGEST_REPEATED = 0.10
+#: With fewer pairs it is said which families they cannot tell apart: those whose AIC is this near to the smallest one.
+FEW_PAIRS, NEAR_AIC = 40, 2.0
 #: Usual range of the median of a property, SI units, and what to ask below and above it.
 USUAL = {
     "mu_s": (0.01, 1.5, "is it divided by 100?", "is it an angle, or in per cent?"),
@@ -50,7 +53,8 @@ def input_warnings(
     found += _repeated(pairs, places)
     for symbol, table in marginals.items():
         found += _rejected_marginals(symbol, table)
-    return found + _rejected_copulas(copulas) + _at_bounds(copulas)
+    found += _rejected_copulas(copulas) + _at_bounds(copulas) + _independent(pairs, copulas)
+    return found + _not_told_apart(len(pairs), marginals, copulas)
 
 
 def outliers(values: np.ndarray) -> np.ndarray:
@@ -82,10 +86,12 @@ def _outliers(symbol: str, column: np.ndarray, places: Sequence[str]) -> list[st
     thousand = np.any(np.abs(np.abs(np.log10(ratios)) - 3.0) < 0.5)
     error = "an error" if found.size == 1 else "errors"
     ask = "another unit (a factor of 1,000)?" if thousand else f"{error} of typing?"
-    verb = "lies" if found.size == 1 else "lie"
+    verb, them = ("lies", "it") if found.size == 1 else ("lie", "them")
+    scatter = [_value(symbol, float(np.std(part, ddof=1))) for part in (np.delete(column, found), column)]
     return [
         f"{symbol}: {found.size} of {column.size} values {verb} far from all others: {', '.join(listed)}; "
-        f"the median is {_value(symbol, median)}; {ask}"
+        f"the median is {_value(symbol, median)}, and without {them} the standard deviation is {scatter[0]} instead of "
+        f"{scatter[1]}; {ask}"
     ]
 
 
@@ -97,7 +103,7 @@ def _ties(symbol: str, column: np.ndarray) -> list[str]:
         return []
     return [
         f"{symbol}: {n} pairs have only {counts.size} distinct values, and {share:.0%} of all comparisons are ties "
-        f"(limit {LARGEST_TIES:.0%}); ranks, fits and tests assume continuous values"
+        f"(limit {LARGEST_TIES:.0%}); the tests of fit allow for ties, the fitted parameters do not"
     ]
 
 
@@ -143,13 +149,19 @@ def _rejected_marginals(symbol: str, table: Sequence[Marginal]) -> list[str]:
         families = "the family" if len(table) == 1 else f"all {len(table)} families"
         return [
             f"{symbol}: the tests reject {families} of marginals (largest p = {best:.2g}, level 0.05); "
-            f"{table[0].family} has the smallest AIC and is taken nevertheless"
+            f"{table[0].family} has the smallest AIC{_distances(table[0])} and is taken nevertheless; "
+            'inputs.marginals = ["kernel"] takes a kernel density, which needs no family'
         ]
     other = accepted[0]
     return [
         f"{symbol}: {table[0].family} has the smallest AIC but is {verdict(table[0])}; {other.family} is accepted, "
         f"with an AIC larger by {(other.aic or 0.0) - (table[0].aic or 0.0):.1f}"
     ]
+
+
+def _distances(fit: Marginal) -> str:
+    """Both statistics of a fit in brackets."""
+    return "" if fit.ks is None or fit.ad is None else f" (KS D = {fit.ks:.3f}, AD = {fit.ad:.2f})"
 
 
 def _rejected_copulas(fits: Sequence[CopulaFit]) -> list[str]:
@@ -160,6 +172,41 @@ def _rejected_copulas(fits: Sequence[CopulaFit]) -> list[str]:
     return [
         f"copula: the bootstrap rejects {families} (largest p = {best:.2g}, level 0.05); {fits[0].family} has the "
         "smallest AIC and is taken nevertheless"
+    ]
+
+
+def _independent(pairs: np.ndarray, fits: Sequence[CopulaFit]) -> list[str]:
+    """The test of independence does not reject, and another copula is chosen; or the other way round."""
+    if not fits:
+        return []
+    found = kendall(pairs[:, 0], pairs[:, 1])
+    taken = fits[0].family
+    if found.p > LEVEL and taken != "independence":
+        return [
+            f"copula: independence cannot be rejected: {found.text}, {found.p_text}, level {LEVEL}; {taken} is taken; "
+            'inputs.copulas = ["independence"] takes no dependence'
+        ]
+    if found.p <= LEVEL and taken == "independence":
+        return [f"copula: independence is taken, but rejected: {found.text}, {found.p_text}, level {LEVEL}"]
+    return []
+
+
+def _not_told_apart(n: int, tables: Mapping[str, Sequence[Marginal]], fits: Sequence[CopulaFit]) -> list[str]:
+    """Families whose AIC is near the smallest one, where the pairs are few."""
+    if n >= FEW_PAIRS:
+        return []
+    texts = []
+    named: dict[str, Sequence[Marginal | CopulaFit]] = {**tables, "the copula": fits}
+    for what, table in named.items():
+        aic = [(fit.aic, fit.family) for fit in table if fit.aic is not None]
+        near = [family for value, family in aic if value - min(aic)[0] < NEAR_AIC]
+        if len(near) > 1:
+            texts.append(f"{', '.join(near)} of {what}")
+    if not texts:
+        return []
+    return [
+        f"{n} pairs cannot tell these families apart: AIC within {NEAR_AIC:g} of the smallest: {'; '.join(texts)}; "
+        "every bootstrap sample of the pairs chooses again, so that the bands allow for the choice"
     ]
 
 

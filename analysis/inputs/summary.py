@@ -7,20 +7,23 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..quantities import parameter
+from .independence import LEVEL, kendall
 from .marginals import Marginal, verdict
 
 
 def fit_lines(inputs: Mapping[str, Any]) -> list[str]:
-    """Lines on the chosen marginals and copula: parameters, AIC against the next family, test and verdict.
+    """Lines on the chosen marginals and copula: parameters, AIC against the next family, test, verdict; independence.
 
     `inputs` has `marginals` (symbol -> list of fits, smallest AIC first) and `copulas` (list of fits, chosen first);
-    without them there are no lines.
+    without them there are no lines.  `pairs` (list of pairs) may be left out.
     """
     lines = []
     for symbol, table in inputs.get("marginals", {}).items():
         if table:
             best = table[0]
             parameters = ", ".join(parameter(symbol, name, value) for name, value in best["params"].items())
+            if best.get("values"):
+                parameters += f", {len(best['values'])} centres"
             lines.append(f"{symbol}: {best['family']} ({parameters}); {_aic(table)}; {_marginal_test(best)}")
     if fits := inputs.get("copulas", []):
         best = fits[0]
@@ -28,6 +31,10 @@ def fit_lines(inputs: Mapping[str, Any]) -> list[str]:
         parameters = ", ".join(f"{name} = {value:.4g}" for name, value in values)
         named = f"{best['family']} ({parameters})" if parameters else best["family"]
         lines.append(f"copula: {named}, Kendall's tau {best['tau']:.3g}; {_aic(fits)}; {_copula_test(best)}")
+        if pairs := inputs.get("pairs"):
+            found = kendall(*zip(*pairs, strict=True))
+            rejected = "rejected" if found.p <= LEVEL else "not rejected"
+            lines.append(f"dependence: {found.text} of the pairs; independence {rejected}, {found.p_text}")
     return lines
 
 

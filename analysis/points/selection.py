@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from scipy import special
 
 from ..inputs.joint import Joint, bootstrap_joints
+from ..inputs.refits import Candidates
 from .discrepancy import gf_discrepancy, moment_errors
 from .moment_matching import calibrated, gauss_rearranged, middles, sheared
 from .representative_points import PointsError, RepresentativePoints
@@ -183,10 +184,13 @@ def _cells(z: np.ndarray, samples: int = 2**18) -> np.ndarray:
     return cell_probabilities(z) if z.shape[1] == 2 else sampled_cell_probabilities(z, samples)
 
 
-def bootstrap_probabilities(pairs: np.ndarray, joint: Joint, x: ArrayLike, n_boot: int, seed: int = 1) -> np.ndarray:
+def bootstrap_probabilities(
+    pairs: np.ndarray, joint: Joint, x: ArrayLike, n_boot: int, seed: int = 1, candidates: Candidates | None = None
+) -> np.ndarray:
     """Probabilities (n_boot, Q) of the points x (Q, 2) under the inputs refitted to resampled pairs (n, 2).
 
-    Families stay those of `joint`; every row is positive and sums to 1.  Raises InputError for bad pairs.
+    With `candidates` every refit chooses its families again, else they stay those of `joint`; every row is positive and
+    sums to 1.  Raises InputError for bad pairs.
     """
-    refitted = bootstrap_joints(pairs, n_boot, np.random.default_rng(seed), joint)
+    refitted = bootstrap_joints(pairs, n_boot, np.random.default_rng(seed), joint, candidates)
     return np.array([reweighted(np.asarray(x, float), other) for other in refitted])

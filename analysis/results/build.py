@@ -19,6 +19,7 @@ import pandas as pd
 
 from ..errors_and_files import atomic_write, write_hdf5
 from ..inputs.joint import Joint
+from ..inputs.refits import Candidates
 from ..pdem import evolution
 from ..points.representative_points import RepresentativePoints
 from ..points.selection import bootstrap_probabilities
@@ -75,7 +76,7 @@ def build_results(
     "spared" for runs that need no product: points without any are filled by regression and marked.
     max_lost_probability: probability that failed runs may take from a density.  pdf_method: "exact" or "tvd", on so
     many cells.  input_bootstrap: resamples of the pairs under which the points get other probabilities, for bands
-    (needs the joint distribution).
+    (needs the joint distribution); each chooses among the families of marginals and copulas that were fitted.
 
     Raises ResponsesError or RunFileError, and writes nothing, if a product is missing, truncated or was run with other
     parameters than the plan's, or if failed runs take more than max_lost_probability from a density.
@@ -95,7 +96,9 @@ def build_results(
         _write_head(file, points, info, collected)
         if input_bootstrap and info.joint:
             joint = info.joint if isinstance(info.joint, Joint) else Joint.from_dict(dict(info.joint))
-            file["inputs/bootstrap_probability"] = bootstrap_probabilities(info.pairs, joint, points.x, input_bootstrap)
+            candidates = Candidates.tried(info.marginals, info.copulas)
+            probability = bootstrap_probabilities(info.pairs, joint, points.x, input_bootstrap, candidates=candidates)
+            file["inputs/bootstrap_probability"] = probability
         for density in collected.densities:
             _write_density(file, density, collected.strain, pdf_method, cells)
         _write_table(file.create_group("runs"), collected.runs)

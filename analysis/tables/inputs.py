@@ -17,7 +17,7 @@ def marginals(results: Results) -> pd.DataFrame:
         for rank, fit in enumerate(fits, start=1):
             errors = fit.get("se") or {}
             params = "; ".join(parameter(symbol, k, v, errors.get(k, math.nan)) for k, v in fit["params"].items())
-            rest = {k: v for k, v in fit.items() if k not in ("family", "params", "se")}
+            rest = {k: v for k, v in fit.items() if k not in ("family", "params", "se", "values")}
             rows.append({"property": symbol, "rank": rank, "family": fit["family"], "parameters": params} | rest)
     return pd.DataFrame(rows)
 

@@ -10,6 +10,7 @@ from scipy.stats import qmc
 
 from ..inputs.joint import Joint, bootstrap_joints
 from ..inputs.pairs import FEWEST_PAIRS
+from ..inputs.refits import Candidates
 from ..quantities import QUANTITIES
 from ..results.reader import Results
 from ..surrogates.distribution import QUANTILE_LEVELS, Distribution, moments_and_quantiles
@@ -30,9 +31,9 @@ def moments(results: Results) -> pd.DataFrame:
 
     `kind`: "denoised", what the inputs do, from the model without the noise of packings and runs; "as simulated", what
     one specimen of the simulated number of spheres does.  The intervals contain the error of the model and that of the
-    inputs, which are refitted to resampled pairs.  `runs_share`: share of the squared width of the interval of the mean
-    that more or larger runs could remove; the rest is due to the number of pairs.  `packings`: their number; with one
-    or two the intervals lack what all points share through them.
+    inputs, which are refitted to resampled pairs; each refit chooses its families again.  `runs_share`: share of the
+    squared width of the interval of the mean that more or larger runs could remove; the rest is due to the number of
+    pairs.  `packings`: their number; with one or two the intervals lack what all points share through them.
     """
     rows = []
     for mu_iso, state, symbol, model, samples in pooled_states(results, POWER, FEWEST):
@@ -61,7 +62,8 @@ def _refits(results: Results) -> np.ndarray | None:
         return None
     uniforms = qmc.Sobol(2, seed=1).random_base2(POWER)
     fitted = Joint.from_dict(results.inputs["joint"])
-    joints = bootstrap_joints(results.pairs, REFITS, np.random.default_rng(1), fitted)
+    candidates = Candidates.tried(results.inputs.get("marginals", {}), results.inputs.get("copulas", ()))
+    joints = bootstrap_joints(results.pairs, REFITS, np.random.default_rng(1), fitted, candidates)
     return np.stack([joint.inverse_rosenblatt(uniforms) for joint in joints])
 
 

@@ -51,8 +51,13 @@ def test_plan_states_fits_verdicts_and_points(tmp_path, capsys):
         r"Cramer-von Mises S = [\d.]+, p = [\d.]+: (accepted|rejected)",
         lines[3],
     )
+    dependence = (
+        r"  dependence: Kendall's tau = -0\.\d\d \(95 %: -0\.\d\d to -0\.\d\d\) of the pairs; independence rejected, "
+        r"p < 0\.001"
+    )
+    assert re.fullmatch(dependence, lines[4])
     points = read_points(tmp_path / "run")
-    assert lines[4] == (
+    assert lines[5] == (
         f"points: mu_s {points.mu_s.min():.3g} to {points.mu_s.max():.3g}, G_p {points.G_p.min() * 1e-9:.3g} to "
         f"{points.G_p.max() * 1e-9:.3g} GPa, probabilities {points.probability.min():.2g} to "
         f"{points.probability.max():.2g}"

@@ -147,3 +147,34 @@ def test_many_values_are_tested_against_smaller_samples(monkeypatch):
 def test_a_verdict_needs_both_tests(ks, ad, words):
     one = marginals.Marginal("normal", {"mean": 1.0, "sd": 1.0}, ks_p_fitted=ks, ad_p_fitted=ad)
     assert marginals.verdict(one) == words
+
+
+@pytest.mark.parametrize("family", ["lognormal", "weibull"])
+def test_the_tests_hold_their_level_on_rounded_values(family):
+    """94 values rounded to a quarter of their scatter; samples without ties reject most of them."""
+    truth = marginals.fit(0.2 * np.random.default_rng(1).gamma(5.0, 0.25, 500), family, n_sim=0)
+    rejected, without = [], []
+    for seed in range(80):
+        x = np.maximum(np.round(truth.sample(94, np.random.default_rng(seed)) / 0.04), 1) * 0.04
+        fitted = marginals.fit(x, family, n_sim=200, seed=seed)
+        rejected.append([fitted.ks_p_fitted <= 0.05, fitted.ad_p_fitted <= 0.05])
+        if seed < 20:
+            smooth = marginals.fit(fitted.sample(94, np.random.default_rng(seed)), family, n_sim=200)
+            without.append(fitted.ks > smooth.ks_critical_fitted)
+    assert np.all(np.mean(rejected, axis=0) < 0.13)
+    assert np.mean(without) > 0.5
+
+
+def test_simulated_samples_get_the_ties_of_the_sample():
+    drawn = np.array([[5.0, 1.0, 2.0, 4.0], [8.0, 6.0, 7.0, 1.0]])
+    tied = marginals._with_ties(drawn, np.array([3.0, 1.0, 3.0, 2.0]))
+    assert tied.tolist() == [[1.0, 2.0, 4.5, 4.5], [1.0, 6.0, 7.5, 7.5]]
+
+
+def test_many_tied_values_are_tested_by_a_part_of_them(monkeypatch):
+    monkeypatch.setattr(marginals, "LARGEST_SIMULATED", 100)
+    rejected = []
+    for seed in range(60):
+        x = np.maximum(np.round(np.random.default_rng(seed).lognormal(-1.5, 0.4, 500) / 0.05), 1) * 0.05
+        rejected.append(marginals.fit(x, "lognormal", n_sim=200, seed=seed).ks_p_fitted <= 0.05)
+    assert np.mean(rejected) < 0.15

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from paths import PAIRS_FILE
+from scipy import stats
 
 from analysis.copulas import CopulaFit
 from analysis.inputs.joint import fit_joint
-from analysis.inputs.marginals import Marginal
+from analysis.inputs.marginals import Marginal, fit_all
 from analysis.inputs.pairs import read_pairs
 from analysis.inputs.plausibility import input_warnings, outliers
 
@@ -59,6 +61,8 @@ def test_gross_outliers_are_named_by_line_and_value():
     pairs = ordinary()
     pairs[20, 0], pairs[24, 1] = 3.1, 410e9
     friction, modulus = warnings_of(pairs, lines=range(3, 43))
+    without = np.delete(pairs[:, 0], 20)
+    assert f"without it the standard deviation is {np.std(without, ddof=1):.4g} instead of 0.4" in friction
     assert friction.startswith("mu_s: 1 of 40 values lies far from all others: 3.1 (line 23); the median is 0.")
     assert "G_p: 1 of 40 values lies far from all others: 410 GPa (line 27)" in modulus
     assert "(pair 21)" in warnings_of(pairs)[0]
@@ -111,7 +115,8 @@ def test_rejected_families_are_said():
     bad = [marginal("lognormal", 10.0, 0.001), marginal("normal", 12.0, 0.02)]
     (text,) = warnings_of(ordinary(), mu_s=bad)
     assert text == ("mu_s: the tests reject all 2 families of marginals (largest p = 0.02, level 0.05); lognormal has "
-                    "the smallest AIC and is taken nevertheless")  # fmt: skip
+                    "the smallest AIC and is taken nevertheless; inputs.marginals = [\"kernel\"] takes a kernel "
+                    "density, which needs no family")  # fmt: skip
     (text,) = warnings_of(ordinary(), G_p=[bad[0], marginal("normal", 12.0, 0.4)])
     assert text == "G_p: lognormal has the smallest AIC but is rejected; normal is accepted, with an AIC larger by 2.0"
     rejected = [copula("frank", (-5.0,), ("theta",), False, 0.01), copula("gaussian", (-0.7,), ("rho",), False, 0.004)]
@@ -134,3 +139,49 @@ def test_a_student_copula_that_is_gaussian_is_said_only_where_it_is_chosen():
     assert warnings_of(ordinary(), copulas=[other, wide]) == []
     (text,) = warnings_of(ordinary(), copulas=[wide, other])
     assert "nu = 200, limit 200, where it is practically the gaussian copula" in text and "function" not in text
+
+
+def test_two_humps_that_no_family_fits_are_said_with_figures():
+    pairs = ordinary(94)
+    pairs[:, 0] = np.exp(np.where(np.arange(94) % 2, -2.3, -1.0) + 0.1 * np.random.default_rng(1).normal(size=94))
+    (text,) = warnings_of(pairs, mu_s=fit_all(pairs[:, 0], n_sim=200))
+    assert re.search(r"reject all 5 families of marginals \(largest p = 0.0025, level 0.05\); \w+ has the smallest AIC "
+                     r"\(KS D = 0.\d\d\d, AD = \d+.\d\d\) and is taken", text)  # fmt: skip
+    assert warnings_of(pairs, mu_s=[fit_all(pairs[:, 0], ("kernel",))[0]]) == []
+
+
+@pytest.mark.parametrize(
+    ("rho", "n", "asked"), [(0.0, 94, True), (0.15, 30, True), (0.6, 94, False), (-0.5, 94, False)]
+)
+def test_independence_that_is_not_rejected_is_said(rho, n, asked):
+    z = np.random.default_rng(3).multivariate_normal([0, 0], [[1, rho], [rho, 1]], max(n, 40))[:n]
+    pairs = np.exp(np.log([0.214, 25.7e9]) + z * [0.469, 0.354])
+    fits = [CopulaFit("gaussian", (rho,), ("rho",), (), (), n, 0.0, 0.0, 0.0, 0.0)]
+    found = [text for text in warnings_of(pairs, copulas=fits) if "independence" in text]
+    assert len(found) == asked
+    if asked:
+        tau, p = stats.kendalltau(*pairs.T)
+        assert f"independence cannot be rejected: Kendall's tau = {tau:.2f} (95 %: " in found[0]
+        assert f"p = {p:.2g}, level 0.05; gaussian is taken" in found[0]
+
+
+def test_independence_that_is_taken_against_the_test_is_said():
+    fits = [CopulaFit("independence", (), (), (), (), 40, 0.0, 0.0, 0.0, 0.0)]
+    (text,) = warnings_of(ordinary(), copulas=fits)
+    assert text.startswith("copula: independence is taken, but rejected: Kendall's tau = -0.") and "p < 0.001" in text
+
+
+@pytest.mark.parametrize("n", [10, 12, 30, 94])
+def test_few_pairs_cannot_tell_families_apart(n):
+    pairs = ordinary(n)
+    fits = [copula("gaussian", (-0.7,), ("rho",)), replace(copula("frank", (-5.0,), ("theta",)), aic=1.9),
+            replace(copula("plackett", (0.1,), ("theta",)), aic=2.1)]  # fmt: skip
+    tables = {"mu_s": [marginal("lognormal", 10.0, 0.5), marginal("normal", 11.0, 0.4)],
+              "G_p": [marginal("lognormal", 10.0, 0.5), marginal("normal", 15.0, 0.4)]}  # fmt: skip
+    found = [text for text in warnings_of(pairs, copulas=fits, **tables) if "cannot tell" in text]
+    if n < 40:
+        assert found[0].startswith(
+            f"{n} pairs cannot tell these families apart: AIC within 2 of the smallest: lognormal, normal of mu_s; "
+            "gaussian, frank of the copula; every bootstrap"
+        )
+    assert len(found) == (n < 40)
