@@ -4,7 +4,8 @@ A module imports only modules that stand above it in this list:
 
     files, progress             text and JSON files, digests of code; the progress line
     scope                       what the tool does not do
-    config, folder              the campaign file as one checked value; locks, checksums and failure files of a folder
+    config_variables, config    stated distributions in the campaign file; the whole file as one checked value
+    folder                      locks, checksums and failure files of a folder
     run_one                     supervises one run in YADE (`row`: its former name, for tasks that wait in SLURM)
     plan, cell, prepare         the table of runs and its cost; cells too thin; fitted inputs, points and assemblies
     products                    the status of every run

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from analysis.errors_and_files import GrainScatterError, decoded, digest, shown
+from campaign.config_variables import SECTIONS_STATED, VariablesError, read_variables
 from campaign.scope import out_of_scope
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -65,6 +66,9 @@ class Inputs:
     seed: int = key(1, int, 0, 2**31 - 1, doc="random seed of the goodness-of-fit test and of per-grain properties")
     bootstrap: int = key(200, int, 19, 100_000, doc="number of simulated samples of the goodness-of-fit test")
     columns: tuple = key((), COLUMNS, doc='section [inputs.columns], such as G_p_MPa = "name of a column in the pairs"')
+    pairs_behind: int = key(
+        0, int, 0, 1_000_000, doc="number of measurements behind the figures of [variables]; 0: not known, no bands"
+    )
 
 
 @dataclass(frozen=True)
@@ -199,7 +203,10 @@ class Run:
 
 @dataclass(frozen=True)
 class Config:
-    """The settings of a campaign; `text` is the TOML text, `source` the path of the file."""
+    """The settings of a campaign; `text` is the TOML text, `source` the path of the file.
+
+    `variables` and `dependence` are the sections of these names as they stand in the file (`config_variables`).
+    """
 
     name: str
     inputs: Inputs
@@ -214,6 +221,8 @@ class Config:
     failures: Failures
     pdem: Pdem
     run: Run
+    variables: dict[str, Any] = field(default_factory=dict)
+    dependence: dict[str, Any] = field(default_factory=dict)
     text: str = ""
     source: Path = Path()
 
@@ -267,7 +276,7 @@ def _parsed(text: str, source: Path, file: str) -> Config:
             raise ConfigError(f"{file}: not TOML: {shown(str(error), 200)}") from None
         line = text.count("\n", 0, long.start()) + 1
         raise ConfigError(f"{file}, line {line}: a whole number has {len(long[0]):,} digits, at most 4,300") from None
-    _refuse_unknown(table, ["name", *SECTIONS], file, "")
+    _refuse_unknown(table, ["name", *SECTIONS, *SECTIONS_STATED], file, "")
     name = table.get("name", source.stem)
     if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,60}", name):
         raise ConfigError(f"{file}: name = {_shown(name)} must be letters, digits, '_', '-' or '.' (at most 61)")
@@ -279,7 +288,11 @@ def _parsed(text: str, source: Path, file: str) -> Config:
         section: _fill(kind, {**preset.get(section, {}), **table.get(section, {})}, file, section)
         for section, kind in SECTIONS.items()
     }
-    config = Config(name=name, text=text, source=source, **parts)
+    try:
+        stated = read_variables(table, parts["material"].nu, parts["inputs"].pairs_behind)
+    except VariablesError as error:
+        raise ConfigError(f"{file}: {shown(str(error), 400)}") from None
+    config = Config(name=name, text=text, source=source, variables=stated[0], dependence=stated[1], **parts)
     _check_together(config, file)
     return config
 
@@ -461,12 +474,17 @@ def jobs(config: Config) -> int:
 
 
 def inputs_settings(config: Config) -> dict[str, Any]:
-    """Return the keys of [inputs] that points and grains depend on.
+    """Return what the joint distribution of the inputs depends on, apart from the pairs and Poisson's ratio.
 
-    Without [inputs.columns] they are those of earlier versions, so that points and run ids stay the same.
+    Sections that are absent, and keys that are newer than the first plans, are left out where they have their default,
+    so that digests and run ids of these plans hold.
     """
     settings = asdict(config.inputs)
-    return settings if config.inputs.columns else {k: v for k, v in settings.items() if k != "columns"}
+    del settings["pairs_behind"]
+    if not config.inputs.columns:
+        del settings["columns"]
+    stated = {"variables": config.variables, "dependence": config.dependence} if config.variables else {}
+    return settings | stated
 
 
 def grains_file(config: Config, point: int) -> str:

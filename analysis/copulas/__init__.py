@@ -1,4 +1,4 @@
-"""Copulas of two variables: families, fits to ranks, goodness of fit, selection; a Gaussian copula for more variables.
+"""Copulas of two variables: families, fits to ranks, goodness of fit, selection; elliptical copulas for more.
 
 `select` fits and tests the families on pairs, `choose` takes the best one, `multivariate` is for more than two columns.
 Rule: numpy, scipy and `errors_and_files` only; no file, no pandas, and no other package of the analysis.

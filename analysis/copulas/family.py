@@ -15,6 +15,9 @@ from numpy.typing import ArrayLike
 
 from ..errors_and_files import GrainScatterError
 
+#: Newton's steps from the start before every second one becomes a bisection.
+_NEWTON_ALONE = 12
+
 
 class CopulaError(GrainScatterError):
     """A copula does not exist for these parameters, or cannot be fitted to these data."""
@@ -92,7 +95,10 @@ def solve_conditional(
     pc: np.ndarray,
     *params: ArrayLike,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Invert P(V <= v | U = u) = p by Newton's method in logit v, safeguarded by bisection: returns (v, 1 - v)."""
+    """Invert P(V <= v | U = u) = p by Newton's method in logit v, safeguarded by bisection: returns (v, 1 - v).
+
+    Where Newton's steps change sides for long, every second step is a bisection.
+    """
     arrays = np.broadcast_arrays(u, uc, p, pc, *params)
     shape = arrays[0].shape
     u, uc, p, pc, *values = (array.ravel() for array in arrays)
@@ -100,7 +106,7 @@ def solve_conditional(
     y = np.clip(np.log(p) - np.log(pc), -690.0, 690.0)
     target = log_of(p, pc)
     active = np.arange(p.size)
-    for _ in range(200):
+    for iteration in range(200):
         at, vs, vcs = y[active], _expit(y[active]), _expit(-y[active])
         arguments = (u[active], uc[active], vs, vcs, *(column[active] for column in values))
         value = np.maximum(conditional(*arguments), 1e-320)
@@ -110,6 +116,8 @@ def solve_conditional(
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             step = at - gap * value / (np.exp(logpdf(*arguments)) * vs * vcs)
         inside = (step > low[active]) & (step < high[active])
+        if iteration > _NEWTON_ALONE and iteration % 2:
+            inside[:] = False
         update = np.where(gap == 0.0, at, np.where(inside, step, 0.5 * (low[active] + high[active])))
         y[active] = update
         active = active[np.abs(update - at) > 4e-16 * np.abs(at) + 1e-15]

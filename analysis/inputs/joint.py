@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -11,8 +11,9 @@ from numpy.typing import ArrayLike
 from scipy import special
 
 from .. import copulas
+from ..copulas import multivariate
 from ..copulas.elliptical import normal_score
-from ..copulas.multivariate import GaussianCopula, fit_gaussian
+from ..copulas.multivariate import GaussianCopula, StudentCopula, fit_gaussian, student_of_known_degrees
 from . import marginals, refits
 from .pairs import check_pairs
 
@@ -24,14 +25,14 @@ _REACH = 7.5
 
 @dataclass(frozen=True)
 class Joint:
-    """d marginals and their copula: `Copula` for two variables, `GaussianCopula` for any number.
+    """d marginals and their copula: `Copula` for two variables, `GaussianCopula`, `StudentCopula` for any number.
 
     Arrays of points are (..., d) in the units of the marginals (mu_s: 1, G_p: Pa).  Raises CopulaError if the copula
     has another number of variables.
     """
 
     marginals: tuple[marginals.Marginal, ...]
-    copula: copulas.Copula | GaussianCopula
+    copula: copulas.Copula | GaussianCopula | StudentCopula
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "marginals", tuple(self.marginals))
@@ -145,13 +146,14 @@ class Joint:
     @staticmethod
     def from_dict(data: dict[str, Any]) -> Joint:
         """The inverse of to_dict."""
-        kind = GaussianCopula if "correlation" in data["copula"] else copulas.Copula
-        return Joint(tuple(map(marginals.Marginal.from_dict, data["marginals"])), kind.from_dict(data["copula"]))
+        restored = multivariate.from_dict if "correlation" in data["copula"] else copulas.Copula.from_dict
+        return Joint(tuple(map(marginals.Marginal.from_dict, data["marginals"])), restored(data["copula"]))
 
     def _first_two(self) -> Joint:
         if self.dimension == 2 or isinstance(self.copula, copulas.Copula):
             return self
-        return Joint(self.marginals[:2], GaussianCopula(tuple(row[:2] for row in self.copula.correlation[:2])))
+        matrix = tuple(row[:2] for row in self.copula.correlation[:2])
+        return Joint(self.marginals[:2], replace(self.copula, correlation=matrix))
 
 
 @dataclass(frozen=True)
@@ -263,10 +265,12 @@ def _refitted(
         refits.refitted_marginals(resampled[..., i], names, fitted)
         for i, (names, fitted) in enumerate(zip(families.marginals, joint.marginals, strict=True))
     ]
-    dependence: Sequence[copulas.Copula | GaussianCopula]
+    dependence: Sequence[copulas.Copula | GaussianCopula | StudentCopula]
     if isinstance(joint.copula, copulas.Copula):
         u, v = (copulas.pseudo_observations(resampled[..., i]) for i in (0, 1))
         dependence = refits.refitted_copulas(u, v, families.copulas)
+    elif isinstance(joint.copula, StudentCopula):
+        dependence = [student_of_known_degrees(rows, joint.copula.degrees_of_freedom) for rows in resampled]
     else:
         dependence = [fit_gaussian(rows) for rows in resampled]
     return [Joint(of_row, copula) for of_row, copula in zip(zip(*columns, strict=True), dependence, strict=True)]

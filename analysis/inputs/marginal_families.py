@@ -5,53 +5,23 @@ Functions broadcast: parameters may be columns (R, 1) for samples (R, n).
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-
 import numpy as np
 from scipy import special
 
-from ..errors_and_files import GrainScatterError
+from .bounded_families import BOUNDED
+from .family import MarginalError, MarginalFamily
+
+__all__ = ["FAMILIES", "MarginalError", "MarginalFamily", "family_of"]
 
 _LOG_SQRT_2PI = 0.5 * np.log(2.0 * np.pi)
 
 
-class MarginalError(GrainScatterError):
-    """A marginal distribution cannot be fitted or does not exist."""
-
-
-@dataclass(frozen=True)
-class MarginalFamily:
-    """One family: names of its parameters, which of them must be positive, and whether x must be.
-
-    logpdf(x, *params), cdf, sf = 1 - cdf; ppf(u, *params); mle(samples (R, n)) -> parameters (R, k);
-    moments(*params) -> (mean, variance).
-    """
-
-    names: tuple[str, ...]
-    positive_params: tuple[str, ...]
-    positive: bool
-    logpdf: Callable[..., np.ndarray]
-    cdf: Callable[..., np.ndarray]
-    sf: Callable[..., np.ndarray]
-    ppf: Callable[..., np.ndarray]
-    mle: Callable[[np.ndarray], np.ndarray]
-    moments: Callable[..., tuple[float, float]]
-
-    def check(self, params: dict[str, float]) -> None:
-        """Raise MarginalError unless params are exactly the parameters of this family, finite and in range."""
-        if tuple(params) != self.names:
-            raise MarginalError(f"expected the parameters {', '.join(self.names)}; got {', '.join(params) or 'none'}")
-        for name, value in params.items():
-            if not np.isfinite(value) or (name in self.positive_params and value <= 0.0):
-                raise MarginalError(f"parameter {name} = {value} is out of range")
-
-
 def family_of(name: str) -> MarginalFamily:
     """The family of that name; raises MarginalError if there is none."""
-    if name not in FAMILIES:
+    found = FAMILIES.get(name) or BOUNDED.get(name)
+    if found is None:
         raise MarginalError(f"unknown marginal family {name!r}; known: {', '.join(FAMILIES)}")
-    return FAMILIES[name]
+    return found
 
 
 def _normal_mle(x):
@@ -185,6 +155,7 @@ _GAMMA = MarginalFamily(
     moments=lambda k, scale: (float(k * scale), float(k * scale**2)),
 )
 
+#: The families that are fitted to measured values; those of `bounded_families` are only stated.
 FAMILIES: dict[str, MarginalFamily] = {
     "lognormal": _LOGNORMAL,
     "normal": _NORMAL,

@@ -73,7 +73,7 @@ def _two_point_rule(marginal: Marginal, w: np.ndarray) -> np.ndarray:
 
 def _out_of_order(marginal: Marginal, x: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Which pairs (a, b) of neighbours reach past the points beside them or out of the support."""
-    padded = np.concatenate([[marginal.ppf(1e-12)], x, [np.inf]])
+    padded = np.concatenate([[marginal.ppf(1e-12)], x, [marginal.ppf(1.0 - 1e-12)]])
     return (x[a] <= padded[a]) | (x[b] >= padded[b + 2])
 
 

@@ -12,7 +12,15 @@ from scipy import optimize, special, stats
 
 from analysis import copulas
 from analysis.copulas import Copula, CopulaError, elliptical
-from analysis.copulas.multivariate import GaussianCopula, _loglik, _most_likely, fit_gaussian
+from analysis.copulas.multivariate import (
+    GaussianCopula,
+    StudentCopula,
+    _loglik,
+    _most_likely,
+    fit_gaussian,
+    from_dict,
+    student_of_known_degrees,
+)
 from analysis.inputs.pairs import read_pairs
 
 PAIRS = read_pairs(PAIRS_FILE)
@@ -282,6 +290,72 @@ def test_the_gaussian_copula_of_three_variables_contains_that_of_two():
     assert np.array(fit_gaussian(sample).correlation) == pytest.approx(np.array(matrix), abs=0.05)
     with pytest.raises(CopulaError, match="positive eigenvalues"):
         GaussianCopula(((1.0, 0.9, -0.9), (0.9, 1.0, 0.9), (-0.9, 0.9, 1.0)))
+
+
+THREE = ((1.0, -0.722, 0.3), (-0.722, 1.0, 0.1), (0.3, 0.1, 1.0))
+
+
+@pytest.mark.parametrize("nu", [1.5, 6.05, 40.0])
+def test_students_copula_of_two_variables_is_the_bivariate_one(nu):
+    two, flat = Copula("student", (-0.722, nu)), StudentCopula(((1.0, -0.722), (-0.722, 1.0)), nu)
+    u = np.random.default_rng(8).random((50, 2))
+    assert flat.logpdf(u) == pytest.approx(two.logpdf(u[:, 0], u[:, 1]), abs=1e-11)
+    assert flat.rosenblatt(u) == pytest.approx(two.rosenblatt(u), abs=1e-12)
+    assert flat.inverse_rosenblatt(u) == pytest.approx(two.inverse_rosenblatt(u), abs=1e-12)
+    assert flat.cdf(u[:9]) == pytest.approx(two.cdf(u[:9, 0], u[:9, 1]), abs=2e-5)
+
+
+def test_students_copula_of_three_variables():
+    three = StudentCopula(THREE, 5.0)
+    u = np.random.default_rng(8).random((50, 3))
+    assert three.rosenblatt(u)[:, :2] == pytest.approx(Copula("student", (-0.722, 5.0)).rosenblatt(u[:, :2]), abs=1e-12)
+    assert three.inverse_rosenblatt(three.rosenblatt(u)) == pytest.approx(u, abs=1e-11)
+    law, one = stats.multivariate_t(np.zeros(3), THREE, 5.0), stats.t(5.0)
+    x = one.ppf(u)
+    assert three.logpdf(u) == pytest.approx(law.logpdf(x) - one.logpdf(x).sum(axis=1), abs=1e-7)
+    sample = three.sample(20_000, np.random.default_rng(9))
+    assert np.mean(np.all(sample < [0.3, 0.6, 0.4], axis=1)) == pytest.approx(
+        float(three.cdf(np.array([0.3, 0.6, 0.4]))), abs=0.01
+    )
+    fitted = student_of_known_degrees(sample[:3000], 5.0)
+    assert np.array(fitted.correlation) == pytest.approx(np.array(THREE), abs=0.05)
+    assert from_dict(json.loads(json.dumps(three.to_dict()))) == three
+    assert from_dict(GaussianCopula(THREE).to_dict()) == GaussianCopula(THREE)
+
+
+def test_students_copula_of_one_variable_is_the_uniform_distribution():
+    u = np.linspace(0.01, 0.99, 7)[:, None]
+    one = StudentCopula(((1.0,),), 4.0)
+    assert one.rosenblatt(u) == pytest.approx(u) and one.inverse_rosenblatt(u) == pytest.approx(u)
+    assert one.logpdf(u) == pytest.approx(0.0, abs=1e-14) and one.cdf(u) == pytest.approx(u[:, 0], abs=1e-6)
+
+
+def test_what_is_no_copula_of_students_is_refused():
+    with pytest.raises(CopulaError, match=r"degrees_of_freedom = 0.5 is outside \[1, 200\]"):
+        StudentCopula(THREE, 0.5)
+    with pytest.raises(CopulaError, match="student: the correlation matrix needs a unit diagonal"):
+        StudentCopula(((1.0, 1.1), (1.1, 1.0)), 5.0)
+    with pytest.raises(CopulaError, match="student: one column is constant"):
+        student_of_known_degrees(np.column_stack([np.arange(9.0), np.ones(9)]), 5.0)
+
+
+def test_a_sample_in_which_one_variable_is_a_function_of_others_gives_a_copula():
+    x = np.random.default_rng(3).normal(size=(12, 2))
+    fitted = student_of_known_degrees(np.column_stack([x, x[:, 0]]), 5.0)
+    assert np.linalg.eigvalsh(fitted.correlation)[0] > 0.0
+
+
+@pytest.mark.parametrize(
+    "family, theta, u, p",
+    [
+        ("joe180", 5.0, 0.25278452946120444, 0.00013992176731492315),
+        ("joe", 30.0, 0.0816486107851291, 0.924955099062971),
+    ],
+)
+def test_the_inverse_is_found_where_newtons_steps_change_sides(family, theta, u, p):
+    """Newton's method alone has not converged here after 200 steps."""
+    copula = Copula(family, (theta,))
+    assert copula.conditional(u, copula.inverse(u, p)) == pytest.approx(p, rel=1e-9)
 
 
 def correlated(n, d, seed):
