@@ -7,7 +7,8 @@ A module imports only modules that stand above it in this list:
     config_variables, config    stated distributions in the campaign file; the whole file as one checked value
     folder                      locks, checksums and failure files of a folder
     run_one                     supervises one run in YADE (`row`: its former name, for tasks that wait in SLURM)
-    plan, cell, prepare         the table of runs and its cost; cells too thin; fitted inputs, points and assemblies
+    plan, cell                  the table of runs and its cost; cells too thin
+    choice, prepare             fitted or stated inputs and their points; the files that a campaign starts from
     products                    the status of every run
     batches                     sequential stopping: points in batches until the target error is reached
     engine_local, engine_slurm  run what is missing, on this machine or on a cluster

@@ -10,6 +10,7 @@ import sys
 from argparse import Namespace
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -253,8 +254,9 @@ def everything(config: Config, folder: Path, options: Namespace) -> int:
 
 def _plan(config: Config, folder: Path) -> tuple[list[PlannedRun], RepresentativePoints, str]:
     """Plan the campaign; the rows, the points and what was done with them."""
-    check_cell(config)
-    points, outcome = prepare(config, folder)
+    if "sigma_ln" not in config.variables:
+        check_cell(config)
+    points, outcome = prepare(config, folder, partial(check_cell, config))
     rows = make_rows(config, points)
     for name in write_plan(rows, folder):
         print(f"note: {name} was edited by hand; written anew from the campaign file", file=sys.stderr)

@@ -102,11 +102,11 @@ def _begin(config: Config, folder: Path, rows: Sequence[PlannedRun]) -> dict[str
     from analysis.surrogates import stopping
     from analysis.surrogates.rotation import nested_order
 
-    inputs = _inputs(rows)
+    inputs = _inputs(rows, _names(folder))
     ids = np.array(sorted(inputs))
     order = ids[nested_order([inputs[k] for k in ids])].tolist()
     note = {"runs": _digest(rows), "target": config.pdem.stop_when, "order": order, "claimed": {}, "reached": False,
-            "used": stopping.first_batch(len(order)), "history": []}  # fmt: skip
+            "used": stopping.first_batch(len(order), len(_names(folder))), "history": []}  # fmt: skip
     write_json(folder / NOTE, note)
     return note
 
@@ -121,7 +121,10 @@ def _judge(
     from analysis.surrogates import stopping
 
     used = note["order"][: note["used"]]
-    inputs, packing = _inputs(needed), {row.point: row.packing for row in needed if row.stage == "shear"}
+    inputs, packing = (
+        _inputs(needed, _names(folder)),
+        {row.point: row.packing for row in needed if row.stage == "shear"},
+    )
     joint = Joint.from_dict(read_inputs(folder)["joint"])
     samples = stopping.judged_samples(joint)
     responses = _responses(folder, needed, used)
@@ -179,10 +182,16 @@ def _judged(states: dict[str, dict[str, float]]) -> dict[tuple[str, str], float]
     return {(state, symbol): states[state][symbol] for state, symbol in JUDGED}
 
 
-def _inputs(rows: Sequence[PlannedRun]) -> dict[int, tuple[float, float]]:
-    """Point -> (mu_s, G_p); of the families of a point, "coupled" counts, which has both as measured."""
+def _names(folder: Path) -> Sequence[str]:
+    """Symbols of the random variables."""
+    return read_inputs(folder).get("names", ("mu_s", "G_p"))
+
+
+def _inputs(rows: Sequence[PlannedRun], names: Sequence[str]) -> dict[int, tuple[float, ...]]:
+    """Point -> values of its random variables; of its families "coupled" counts, which has all as measured."""
     shear_rows = sorted((row for row in rows if row.stage == "shear"), key=lambda row: row.family == "coupled")
-    return {row.point: (row.mu_s, row.G_p) for row in shear_rows}
+    return {row.point: tuple({"mu_s": row.mu_s, "G_p": row.G_p, **row.further}[name] for name in names)
+            for row in shear_rows}  # fmt: skip
 
 
 def _needed(rows: Sequence[PlannedRun], note: dict[str, Any]) -> list[PlannedRun]:

@@ -12,11 +12,15 @@ with the strain of one time step in m, as the controller compares it.  A scatter
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
+from typing import TYPE_CHECKING
 
 from campaign.config import Config, ConfigError
 from campaign.plan import predicted_steps
+
+if TYPE_CHECKING:
+    from analysis.points import RepresentativePoints
 
 #: Solid fraction of a packing over that of the densest one of its grading, by friction during consolidation (N = 1,000
 #: to 4,000, sigma_ln = 0.174). Grains of low mu_s collapse to a denser packing: friction beyond the last value counts
@@ -41,11 +45,14 @@ class Reach:
     safe: float
 
 
-def check_cell(config: Config) -> None:
+def check_cell(config: Config, points: RepresentativePoints | None = None) -> None:
     """Refuse a campaign whose cell stops before `shear.strain_end`.
 
-    Raises ConfigError with one line that names N, grading, both strains, and the N or the strain_end that would do.
+    With points whose sigma_ln is random, the widest grading counts.  Raises ConfigError with one line that names N,
+    grading, both strains, and the N or the strain_end that would do.
     """
+    if points is not None and "sigma_ln" in points.names:
+        config = replace(config, assembly=replace(config.assembly, sigma_ln=float(points["sigma_ln"].max())))
     grains, wanted, file = config.assembly, config.shear.strain_end, config.source.name
     reach = reach_of(config, grains.N)
     if reach.safe >= wanted:

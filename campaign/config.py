@@ -12,7 +12,7 @@ import os
 import re
 import tomllib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -292,7 +292,9 @@ def _parsed(text: str, source: Path, file: str) -> Config:
         stated = read_variables(table, parts["material"].nu, parts["inputs"].pairs_behind)
     except VariablesError as error:
         raise ConfigError(f"{file}: {shown(str(error), 400)}") from None
-    config = Config(name=name, text=text, source=source, variables=stated[0], dependence=stated[1], **parts)
+    variables, dependence, settled = stated
+    parts |= {section: replace(parts[section], **keys) for section, keys in settled.items()}
+    config = Config(name=name, text=text, source=source, variables=variables, dependence=dependence, **parts)
     _check_together(config, file)
     return config
 
@@ -485,6 +487,11 @@ def inputs_settings(config: Config) -> dict[str, Any]:
         del settings["columns"]
     stated = {"variables": config.variables, "dependence": config.dependence} if config.variables else {}
     return settings | stated
+
+
+def assembly_file(packing: int, point: int = -1) -> str:
+    """Return the name of the file with the grains of a packing; with `point` of the one that this point has alone."""
+    return f"assembly_{packing}.h5" if point < 0 else f"assembly_{packing}_point_{point}.h5"
 
 
 def grains_file(config: Config, point: int) -> str:

@@ -38,10 +38,13 @@ class VariablesError(GrainScatterError):
     """The sections [variables] and [dependence] cannot be used; the text is one line with key, value and limit."""
 
 
-def read_variables(table: Mapping[str, Any], nu: float, pairs_behind: int) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Check and return the two sections of a campaign file, {} where they are absent.
+def read_variables(
+    table: Mapping[str, Any], nu: float, pairs_behind: int
+) -> tuple[dict[str, Any], dict[str, Any], dict[str, dict[str, float]]]:
+    """Check and return the two sections of a campaign file, {} where they are absent, and the keys that they settle.
 
-    nu: the file's Poisson's ratio, for E_p. Raises VariablesError, also for keys of other sections that contradict
+    A constant with a key of its own, such as material.nu, settles this key: {section: {key: value}}.  nu: the file's
+    Poisson's ratio, for E_p. Raises VariablesError, also for keys of other sections that contradict
     [variables].
     """
     variables, dependence = (table.get(name, {}) for name in SECTIONS_STATED)
@@ -50,7 +53,7 @@ def read_variables(table: Mapping[str, Any], nu: float, pairs_behind: int) -> tu
             raise VariablesError("[dependence] needs the section [variables]; that of measured pairs is fitted")
         if pairs_behind:
             raise VariablesError(f"inputs.pairs_behind = {pairs_behind} is for [variables]; measured pairs are counted")
-        return {}, {}
+        return {}, {}, {}
     for name, section in (("variables", variables), ("dependence", dependence)):
         if not isinstance(section, dict):
             raise VariablesError(f"{name} = {shown(repr(section))} must be a section, [{name}]")
@@ -60,6 +63,7 @@ def read_variables(table: Mapping[str, Any], nu: float, pairs_behind: int) -> tu
     if 0 < pairs_behind < FEWEST_BEHIND:
         raise VariablesError(f"inputs.pairs_behind = {pairs_behind} must be 0 (not known) or at least {FEWEST_BEHIND}")
     from analysis.inputs.specified import joint_from_distributions
+    from analysis.inputs.variables import VARIABLES
 
     try:
         specified = joint_from_distributions(variables, dependence, nu)
@@ -69,4 +73,8 @@ def read_variables(table: Mapping[str, Any], nu: float, pairs_behind: int) -> tu
         section, key = OWN_KEYS.get(symbol, ("", ""))
         if key and key in table.get(section, {}):
             raise VariablesError(f"{section}.{key} and [variables] both state {symbol}; keep one")
-    return variables, dependence
+    settled: dict[str, dict[str, float]] = {}
+    for symbol in (symbol for symbol in specified.constants if symbol in OWN_KEYS):
+        section, key = OWN_KEYS[symbol]
+        settled.setdefault(section, {})[key] = specified.constants[symbol] / VARIABLES[symbol].factor
+    return variables, dependence, settled

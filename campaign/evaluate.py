@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from campaign import batches
 from campaign.config import ROOT, SECTIONS, Config, ConfigError
@@ -28,6 +29,8 @@ NOTE = "tables/analysed.json"
 PRINT_FOLDER = Path("figures") / "print"
 PRINT_FORMATS, PRINT_COLUMNS, PRINT_DPI = ("pdf", "svg", "png"), (1, 2), (72, 1200)
 ANALYSIS = ROOT / "analysis"
+#: Sections that hold the distributions of the inputs.
+STATED = ("variables", "dependence")
 #: Bootstrap samples of the pairs behind the bands. With 200, the statistical error of the 2.5 % quantile of a moment is
 #: a twentieth of the band.
 INPUT_BOOTSTRAP = 200
@@ -171,6 +174,12 @@ def report(config: Config, folder: Path, frames: Frames | None = None, wanted: P
     return f"{folder.name}: {page}" + _print_figures(path, folder, wanted, frames)
 
 
+def _settings(config: Config) -> dict[str, Any]:
+    """Every key of a campaign by section; [variables] and [dependence] only where they are given."""
+    settings = {name: asdict(getattr(config, name)) for name in SECTIONS}
+    return settings | {name: getattr(config, name) for name in STATED if getattr(config, name)}
+
+
 def _changed_setting(config: Config, results: Path) -> str:
     """The first setting of a results file that is not the campaign file's, as one line; "" if there is none.
 
@@ -185,9 +194,13 @@ def _changed_setting(config: Config, results: Path) -> str:
         stored = json.loads(text)
     except ValueError as error:
         raise PlanError(f"{results}: its settings cannot be read ({error})") from error
-    present = json.loads(json.dumps({name: asdict(getattr(config, name)) for name in SECTIONS if name != "run"}))
+    present = json.loads(json.dumps({name: keys for name, keys in _settings(config).items() if name != "run"}))
+    stored = stored if isinstance(stored, dict) else {}
+    for section in STATED:
+        if stored.get(section, {}) != present.pop(section, {}):
+            return f"[{section}]"
     for section, keys in present.items():
-        before = stored.get(section, keys) if isinstance(stored, dict) else keys
+        before = stored.get(section, keys)
         for key, value in keys.items():
             if before.get(key, value) != value:
                 return f"{section}.{key} = {before[key]!r}, now {value!r}"
@@ -218,6 +231,8 @@ def plan_frame(folder: Path, rows: Sequence[PlannedRun], spared: frozenset[str] 
 
     names = ("run_id", "stage", "family", "point", "packing", "mu_iso", "mu_s", "G_p", "start", "particle_steps")
     frame = pd.DataFrame([{name: getattr(row, name) for name in names} for row in rows])
+    for name in dict.fromkeys(name for row in rows for name in row.further):
+        frame[name] = [row.values.get(name, row.further.get(name, math.nan)) for row in rows]
     frame["product"] = [str((folder / row.product).resolve()) for row in rows]
     frame["status"] = ["spared" if row.run_id in spared else "" for row in rows]
     return frame
@@ -233,10 +248,12 @@ def _campaign_info(config: Config, folder: Path) -> CampaignInfo:
     return CampaignInfo(
         name=config.name,
         config=config.text,
-        settings={name: asdict(getattr(config, name)) for name in SECTIONS},
+        settings=_settings(config),
         pairs=np.asarray(inputs["pairs"], float),
         versions={"analysis code": code_digest(ANALYSIS)[:12]},
         warnings=inputs.get("warnings", []),
+        specified=inputs.get("specified", {}),
+        pairs_behind=inputs.get("pairs_behind", 0),
         **{name: inputs[name] for name in ("source", "marginals", "copulas", "joint", "point_attrs")},
     )
 

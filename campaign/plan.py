@@ -12,15 +12,15 @@ import io
 import json
 import math
 import os
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from analysis.errors_and_files import digest
 from analysis.quantities import effective_inertial_number
-from campaign.config import ROOT, Config, grains_file
+from campaign.config import ROOT, Config, assembly_file, grains_file
 from campaign.files import read_json, write_json, write_text
 from campaign.folder import folder_lock
 
@@ -44,6 +44,10 @@ STEP_FACTOR = 0.8
 #: How much larger the time step is with `dem.density_scaling` (shear runs at N = 1,000: 1.80 to 1.85).
 BALANCED_STEP = 1.85
 
+#: Random variables that give each point grains of its own, and those with which it consolidates by itself.
+OWN_GRAINS = {"sigma_ln", "d50"}
+OWN_CONSOLIDATION = {*OWN_GRAINS, "sigma_3"}
+
 PLAN_COLUMNS = ("run_id", "stage", "family", "point", "packing", "mu_iso", "mu_s", "G_p", "product", "start", "steps",
                 "particle_steps", "cpu_seconds")  # fmt: skip
 
@@ -53,7 +57,8 @@ class PlannedRun:
     """One run of the plan, a row of its tables.
 
     `values` are the parameters that the stage's script reads (SI units), `start` is the id of the run that this run
-    starts from ("" for a consolidation), G_p is in Pa. `steps` and `particle_steps` are predictions.
+    starts from ("" for a consolidation), G_p is in Pa. `steps` and `particle_steps` are predictions. `further` has the
+    values (SI units) of the point's random variables beside mu_s and G_p, none for a consolidation that points share.
     """
 
     run_id: str
@@ -68,6 +73,7 @@ class PlannedRun:
     steps: float
     particle_steps: float
     values: dict[str, Any]
+    further: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def product(self) -> str:
@@ -133,17 +139,23 @@ def _add_chain(
 ) -> None:
     """Add consolidation, probe and shear of one point, one density and one packing; runs that are there stay."""
     mu_s = point.mu_s if mu_s_fixed is None else mu_s_fixed
-    dem, per_point = config.dem, config.consolidation.per_point
+    dem, given, per_point = config.dem, point.further, consolidates_alone(config, point.further)
+    nu = given.get("nu", config.material.nu)
     common = {
-        "assembly": f"assembly_{packing}.h5", "mu_iso": mu_iso, "sigma_3": config.consolidation.sigma_3_kPa * 1e3,
-        "nu": config.material.nu, "rho": config.material.rho, "d50": config.assembly.d50_mm * 1e-3, "seed": packing,
+        "assembly": assembly_file(packing, point.id if OWN_GRAINS & given.keys() else -1), "mu_iso": mu_iso,
+        "sigma_3": given.get("sigma_3", config.consolidation.sigma_3_kPa * 1e3),
+        "nu": nu if per_point else config.material.nu, "rho": config.material.rho,
+        "d50": given.get("d50", config.assembly.d50_mm * 1e-3), "seed": packing,
         "timestep_factor": dem.timestep_factor, "stiffness_scale": 1.0, "density_scaling": int(dem.density_scaling),
     }  # fmt: skip
-    planned = partial(_planned_run, config, packing=packing, mu_iso=mu_iso)
-    G_p = point.G_p if per_point else config.consolidation.G_ref_GPa * 1e9
-    first = planned("consolidate", "shared", point.id if per_point else -1, math.nan, G_p, "", common)
+    planned = partial(_planned_run, config, packing=packing, mu_iso=mu_iso, further=given)
+    if per_point:
+        first = planned("consolidate", "shared", point.id, math.nan, point.G_p, "", common)
+    else:
+        G_ref = config.consolidation.G_ref_GPa * 1e9
+        first = planned("consolidate", "shared", -1, math.nan, G_ref, "", common, further={})
     rows.setdefault(first.run_id, first)
-    swapped = common | {"mu_s": mu_s, "damping": dem.damping, "heterogeneity": config.material.heterogeneity}
+    swapped = common | {"nu": nu, "mu_s": mu_s, "damping": dem.damping, "heterogeneity": config.material.heterogeneity}
     if config.material.heterogeneity == "grain":
         swapped["grains"] = grains_file(config, point.id)
     probe_only = {"probe_strain": config.probe.strain}
@@ -172,19 +184,28 @@ def _planned_run(
     *,
     packing: int,
     mu_iso: float,
+    further: Mapping[str, float],
 ) -> PlannedRun:
     """One run with its id. The keys and values that are hashed must stay as they are, for they make the ids."""
     values = values | {"G_p": G_p, "start": f"products/{start}.h5" if start else ""}
     grains = config.assembly
-    hashed = {"stage": stage, "protocol": PROTOCOL[stage], "N": grains.N, "sigma_ln": grains.sigma_ln,
-              "distribution": grains.distribution, **values}  # fmt: skip
+    hashed = {"stage": stage, "protocol": PROTOCOL[stage], "N": grains.N,
+              "sigma_ln": further.get("sigma_ln", grains.sigma_ln), "distribution": grains.distribution,
+              **values}  # fmt: skip
     names = [stage]
     if not math.isnan(mu_s):
         names.append(f"mu{mu_s:.3f}")
     names += [f"G{G_p / 1e9:.1f}", f"iso{mu_iso:.3f}", f"s{packing}"]
     run_id = "_".join([*names, digest(json.dumps(hashed, sort_keys=True).encode(), 8)])
     steps = predicted_steps(stage, values)
-    return PlannedRun(run_id, stage, family, point, packing, mu_iso, mu_s, G_p, start, steps, steps * grains.N, values)
+    return PlannedRun(
+        run_id, stage, family, point, packing, mu_iso, mu_s, G_p, start, steps, steps * grains.N, values, further
+    )
+
+
+def consolidates_alone(config: Config, further: Mapping[str, float]) -> bool:
+    """Whether every point has a consolidation of its own, because of `per_point` or of its `further` variables."""
+    return config.consolidation.per_point or bool(OWN_CONSOLIDATION & further.keys())
 
 
 def predicted_steps(stage: str, values: dict[str, Any]) -> float:
@@ -240,9 +261,12 @@ def write_plan(rows: Sequence[PlannedRun], folder: Path) -> list[str]:
     """
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(PLAN_COLUMNS)
+    further = list(dict.fromkeys(name for row in rows for name in row.further))
+    place = PLAN_COLUMNS.index("G_p") + 1
+    writer.writerow([*PLAN_COLUMNS[:place], *further, *PLAN_COLUMNS[place:]])
     for row in rows:
-        writer.writerow([_csv_cell(getattr(row, name)) for name in PLAN_COLUMNS])
+        cells = [_csv_cell(getattr(row, name)) for name in PLAN_COLUMNS]
+        writer.writerow([*cells[:place], *(_csv_cell(row.further.get(name, "")) for name in further), *cells[place:]])
     files = {"tables/plan.csv": out.getvalue()}
     for stage in STAGES:
         command = f"yade-batch batch/{stage}.table {script(folder, stage)}"

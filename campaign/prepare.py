@@ -1,30 +1,32 @@
 """Preparation of a campaign: fit the inputs, choose the representative points, make the assemblies.
 
-`prepare` writes points.csv (id, mu_s, G_p, G_p_GPa, probability), inputs.json (the fits), assembly_<seed>.h5, and with
-`heterogeneity = "grain"` a file grains_<point>_<hash>.h5 per point. The points are chosen once: they stay the same as
-long as [inputs], [points] and the pairs do.
+`prepare` writes points.csv (id, mu_s, G_p, G_p_GPa, further variables, probability), inputs.json (the fits or the
+distributions), assembly_<seed>.h5, and with `heterogeneity = "grain"` a file grains_<point>_<hash>.h5 per point. If the
+sizes of the grains are random, each point has a file assembly_<seed>_point_<point>.h5 instead. The points are chosen
+once: they stay the same as long as [inputs], [points] and the pairs or [variables] do.
 """
 
 from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from analysis.errors_and_files import GrainScatterError, atomic_write, digest, write_hdf5
-from campaign.config import Config, grains_file, inputs_settings
+from analysis.errors_and_files import atomic_write, digest, write_hdf5
+from campaign.choice import PlanError, choose, refuse_impossible
+from campaign.config import Config, assembly_file, grains_file, inputs_settings
 from campaign.files import read_json, write_json, write_text
 from campaign.folder import folder_lock
+from campaign.plan import OWN_GRAINS, packing_of_points
 from campaign.progress import Progress
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from analysis.inputs.joint import Joint
     from analysis.points import RepresentativePoints
 
 
@@ -35,14 +37,13 @@ INPUTS: dict[str, type] = {"digest": str, "points_digest": str, "pairs": list, "
 Writes = dict[Path, Callable[[Path], Any]]
 
 
-class PlanError(GrainScatterError):
-    """A campaign's folder cannot be planned or used as it is; the text is one line that names the file."""
-
-
-def prepare(config: Config, folder: Path) -> tuple[RepresentativePoints, str]:
+def prepare(
+    config: Config, folder: Path, check: Callable[[RepresentativePoints], None] = lambda points: None
+) -> tuple[RepresentativePoints, str]:
     """Return the points of the campaign and what was done: "chosen", "chosen anew" or "kept".
 
-    Everything is computed before the first file is written, and inputs.json, which makes the others valid, is written
+    check: raises an error for points that cannot be run; it is called before anything is written. Everything is
+    computed before the first file is written, and inputs.json, which makes the others valid, is written
     last. Raises PlanError, ConfigError or another GrainScatterError of the analysis if the inputs cannot be used, and
     RunError if another process runs in the folder and files would change, before anything is written; OSError if a file
     cannot be written.
@@ -50,11 +51,12 @@ def prepare(config: Config, folder: Path) -> tuple[RepresentativePoints, str]:
     inputs = read_inputs(folder)
     keep = inputs.get("digest") == inputs_digest(config) and (folder / "points.csv").exists()
     outcome = "kept" if keep else "chosen anew" if inputs else "chosen"
-    points, inputs = (read_points(folder), inputs) if keep else _choose(config)
+    points, inputs = (read_points(folder), inputs) if keep else choose(config)
+    check(points)
     writes: Writes = {}
     if config.material.heterogeneity == "grain":
         writes |= _sample_grains(config, folder, points, inputs, anew=not keep)
-    writes |= _make_assemblies(config, folder)
+    writes |= _make_assemblies(config, folder, points)
     if not _has_text(folder / "config.toml", config.text):
         writes[folder / "config.toml"] = partial(write_text, text=config.text)
     if not keep:
@@ -121,7 +123,8 @@ def read_points(folder: Path) -> RepresentativePoints:
         raise PlanError(f"{folder}: has no plan yet; run `python3 -m campaign plan CONFIG` first") from None
     if inputs.get("points_digest") != digest(text.encode(), 16):
         raise PlanError(f"{path}: was changed since the points were chosen; restore it, or delete it to choose again")
-    return RepresentativePoints.from_csv(text)
+    names = {"names": tuple(inputs["names"])} if "names" in inputs else {}
+    return RepresentativePoints.from_csv(text, **names, constants=inputs.get("constants"))
 
 
 def read_planned_points(config: Config, folder: Path) -> RepresentativePoints:
@@ -132,7 +135,7 @@ def read_planned_points(config: Config, folder: Path) -> RepresentativePoints:
     points = read_points(folder)
     if read_inputs(folder).get("digest") != inputs_digest(config):
         raise PlanError(
-            f"{folder}: [inputs], [points], the pairs or (with E_p) material.nu "
+            f"{folder}: [inputs], [points], the pairs or distributions, or (with E_p) material.nu "
             "changed since the points were chosen; run `plan`"
         )
     return points
@@ -155,21 +158,29 @@ def describe_inputs(folder: Path, points: RepresentativePoints) -> tuple[list[st
 
 
 def _inputs_text(inputs: dict[str, Any], points: RepresentativePoints) -> list[str]:
-    from analysis.inputs.summary import fit_lines
+    from analysis.inputs.summary import fit_lines, variable_range
 
-    pairs, source = inputs.get("pairs", []), inputs.get("source") or "unnamed"
-    friction, modulus, probability = points.mu_s, points.G_p * 1e-9, points.probability
+    pairs, source, probability = inputs.get("pairs", []), inputs.get("source") or "unnamed", points.probability
+    first = inputs.get("understood") or f"{len(pairs)} pairs, {source}"
+    lines = fit_lines(inputs)
+    if inputs.get("specified"):
+        behind = inputs.get("pairs_behind", 0)
+        known = (
+            f"{behind} measurements are behind them"
+            if behind
+            else "how many measurements are behind them is not stated (inputs.pairs_behind), so there is no band"
+        )
+        first, lines = f"distributions of [variables]; {known}", inputs["specified"]["text"]
+    ranges = [variable_range(symbol, points[symbol]) for symbol in points.variables]
     return [
-        f"inputs: {inputs.get('understood') or f'{len(pairs)} pairs, {source}'}",
-        *(f"  {line}" for line in fit_lines(inputs)),
-        f"points: mu_s {friction.min():.3g} to {friction.max():.3g}, "
-        f"G_p {modulus.min():.3g} to {modulus.max():.3g} GPa, "
-        f"probabilities {probability.min():.2g} to {probability.max():.2g}",
+        f"inputs: {first}",
+        *(f"  {line}" for line in lines),
+        f"points: {', '.join(ranges)}, probabilities {probability.min():.2g} to {probability.max():.2g}",
     ]
 
 
 def _warnings(inputs: dict[str, Any]) -> list[str]:
-    if "warnings" in inputs or not inputs.get("marginals"):
+    if "warnings" in inputs or not inputs.get("marginals") or inputs.get("specified"):
         return [str(text) for text in inputs.get("warnings", [])]
     import numpy as np
 
@@ -182,12 +193,16 @@ def _warnings(inputs: dict[str, Any]) -> list[str]:
 
 
 def inputs_digest(config: Config) -> str:
-    """Return the hash of what the points depend on: [inputs], [points], the pairs file, and material.nu with E_p.
+    """Return the hash of what the points depend on: [inputs], [points], the pairs file or [variables], and material.nu
+    where a Young's modulus is given.
 
     Raises ConfigError if the pairs file is missing, OSError if it cannot be read.
     """
-    settings = json.dumps({"inputs": inputs_settings(config), "points": asdict(config.points)}, sort_keys=True)
-    pairs = config.pairs_path.read_bytes()
+    inputs = inputs_settings(config)
+    if config.inputs.pairs_behind:
+        inputs["pairs_behind"] = config.inputs.pairs_behind
+    settings = json.dumps({"inputs": inputs, "points": asdict(config.points)}, sort_keys=True)
+    pairs = json.dumps(config.variables).encode() if config.variables else config.pairs_path.read_bytes()
     young = any(key.startswith("E_p") for key, _ in config.inputs.columns) or b"E_p" in pairs.replace(b"\0", b"")
     packed = pairs.startswith(b"PK")  # a workbook: the names of its columns cannot be seen
     nu = f"nu {config.material.nu}" if young or packed else ""  # G_p of a measured Young's modulus depends on it
@@ -199,68 +214,19 @@ def points_note(config: Config, text: str) -> dict[str, str]:
     return {"digest": inputs_digest(config), "points_digest": digest(text.encode(), 16)}
 
 
-def _choose(config: Config) -> tuple[RepresentativePoints, dict[str, Any]]:
-    """Fit marginals and copulas, join the best of them, choose the points. Returns the points and inputs.json."""
-    import numpy as np
-
-    from analysis.inputs.joint import fit_joint
-    from analysis.inputs.plausibility import input_warnings
-    from analysis.inputs.table import read_input_table
-    from analysis.points.selection import select_points
-
-    table = read_input_table(config.pairs_path, config.material.nu, dict(config.inputs.columns))
-    if table.names != ("mu_s", "G_p"):
-        raise PlanError(f"{config.pairs_path}: a campaign takes mu_s and G_p, got {', '.join(table.names)}")
-    pairs = table.values
-    families: dict[str, Any] = {"copula_families": config.inputs.copulas or None}
-    if config.inputs.marginals:
-        families["marginal_families"] = config.inputs.marginals
-    fit = fit_joint(pairs, n_boot=config.inputs.bootstrap, seed=config.inputs.seed, **families)
-    wanted = config.points
-    points = select_points(fit.joint, wanted.n, method=wanted.method, seed=wanted.seed, nested=wanted.nested)
-    _refuse_impossible(points.x, fit.joint, f"the {wanted.n} points", config)
-    fits = fit.to_dict()
-    fits["marginals"] = dict(zip(("mu_s", "G_p"), fits["marginals"], strict=True))
-    marginals = dict(zip(table.names, fit.marginals, strict=True))
-    fits["warnings"] = input_warnings(pairs, marginals, fit.copulas, table.lines)
-    fits["warnings"] += points.moment_warnings()
-    inputs = {
-        "source": config.inputs.pairs,
-        "understood": table.understood,
-        "pairs": pairs.tolist(),
-        **fits,
-        "point_attrs": {
-            "method": points.method,
-            "seed": wanted.seed,
-            "discrepancy": points.discrepancy,
-            "moment_errors": points.moment_errors,
-        },
-    }
-    return points, json.loads(json.dumps(inputs, default=lambda value: np.asarray(value).tolist()))
-
-
-def _refuse_impossible(x: np.ndarray, joint: Joint, what: str, config: Config) -> None:
-    """Raise PlanError for values x (n, 2) at or below zero, which a family that is unbounded below may give."""
-    from analysis.inputs.marginal_families import FAMILIES
-
-    positive = ", ".join(f'"{name}"' for name, family in FAMILIES.items() if family.positive)
-    for name, column, marginal in zip(("mu_s", "G_p"), x.T, joint.marginals, strict=True):
-        if count := int((column <= 0.0).sum()):
-            raise PlanError(
-                f"{config.pairs_path}: the {marginal.family} distribution fitted to {name} puts {count} of {what} at "
-                f"or below zero (least {column.min():.3g}); choose inputs.marginals from {positive}"
-            )
-
-
-def _make_assemblies(config: Config, folder: Path) -> Writes:
-    """Make assembly_<seed>.h5 for every packing, unless it is there and was made with the same settings."""
+def _make_assemblies(config: Config, folder: Path, points: RepresentativePoints) -> Writes:
+    """Make the assembly of every packing, or of every point if sizes are random, unless it is there as it must be."""
     writes: Writes = {}
     grains = config.assembly
-    for seed in grains.packings[: config.points.n]:
-        path = folder / f"assembly_{seed}.h5"
-        made_with = {"N": grains.N, "d50": grains.d50_mm * 1e-3, "sigma_ln": grains.sigma_ln, "seed": seed,
-                     "distribution": grains.distribution}  # fmt: skip
-        note = folder / "tables" / f"assembly_{seed}.json"
+    sizes = {"d50": grains.d50_mm * 1e-3, "sigma_ln": grains.sigma_ln}
+    wanted = [(seed, -1, sizes) for seed in grains.packings[: config.points.n]]
+    if OWN_GRAINS & {*points.names}:
+        packing = packing_of_points(config, points)
+        wanted = [(packing[p.id], p.id, {name: p.further.get(name, sizes[name]) for name in sizes}) for p in points]
+    for seed, point, of_sizes in wanted:
+        path = folder / assembly_file(seed, point)
+        made_with = {"N": grains.N, **of_sizes, "seed": seed, "distribution": grains.distribution}
+        note = folder / "tables" / f"{path.stem}.json"
         if path.exists() and read_json(note) == made_with:
             continue
         from analysis.assembly import make_assembly, write_assembly
@@ -276,7 +242,7 @@ def _make_assemblies(config: Config, folder: Path) -> Writes:
 def _sample_grains(
     config: Config, folder: Path, points: RepresentativePoints, inputs: dict[str, Any], *, anew: bool
 ) -> Writes:
-    """Draw a pair (mu_s, G_p) for every grain of every point from the fitted joint distribution.
+    """Draw mu_s and G_p for every grain of every point from their joint distribution; one of them may be a constant.
 
     Raises PlanError for a value at or below zero. Files that are there are kept, unless the points are chosen `anew`.
     """
@@ -289,13 +255,15 @@ def _sample_grains(
         path = folder / grains_file(config, point.id)
         if anew or not path.exists():
             rng = np.random.default_rng([config.inputs.seed, point.id])
-            drawn[path] = joint.sample(config.assembly.N, rng)
-            _refuse_impossible(drawn[path], joint, f"the {config.assembly.N} grains of point {point.id}", config)
+            x = joint.sample(config.assembly.N, rng)
+            refuse_impossible(x, points.names, joint, f"the {config.assembly.N} grains of point {point.id}", config)
+            drawn[path] = {name: np.full(len(x), value) for name, value in points.constants.items()}
+            drawn[path] |= dict(zip(points.names, x.T, strict=True))
     return {path: partial(_write_grains, grains=grains) for path, grains in drawn.items()}
 
 
-def _write_grains(path: Path, grains: np.ndarray) -> None:
-    """Write the values (n, 2) of mu_s and G_p (Pa) of a specimen's grains."""
+def _write_grains(path: Path, grains: Mapping[str, np.ndarray]) -> None:
+    """Write mu_s (n,) and G_p (n,), in Pa, of a specimen's grains."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with atomic_write(path) as part, write_hdf5(part) as file:
-        file["mu_s"], file["G_p"] = grains.T
+        file["mu_s"], file["G_p"] = grains["mu_s"], grains["G_p"]

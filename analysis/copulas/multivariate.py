@@ -13,7 +13,7 @@ from .family import CopulaError
 from .fitting import pseudo_observations
 
 _TINY = 1e-300
-_SMALLEST_EIGENVALUE = 1e-6
+SMALLEST_EIGENVALUE = 1e-6
 #: Quadrature over the scale of Student's variables, in standard normals of its probability.
 _SCALE_NODES, _SCALE_WEIGHTS = (7.0 * values for values in np.polynomial.legendre.leggauss(40))
 
@@ -189,7 +189,7 @@ def fit_gaussian(x: np.ndarray) -> GaussianCopula:
         raise CopulaError("gaussian: one column is constant, so it has no ranks and no dependence")
     scores = _scores(pseudo_observations(x.T))
     values, vectors = np.linalg.eigh(scores @ scores.T / len(x))
-    matrix = _most_likely((vectors * np.maximum(values, _SMALLEST_EIGENVALUE)) @ vectors.T)
+    matrix = most_likely((vectors * np.maximum(values, SMALLEST_EIGENVALUE)) @ vectors.T)
     return GaussianCopula(tuple(map(tuple, matrix)))
 
 
@@ -207,14 +207,14 @@ def student_of_known_degrees(x: np.ndarray, degrees_of_freedom: float) -> Studen
                 raise CopulaError("student: one column is constant, so it has no ranks and no dependence")
             matrix[i, j] = matrix[j, i] = np.sin(0.5 * np.pi * tau)
     values, vectors = np.linalg.eigh(matrix)
-    if values[0] < _SMALLEST_EIGENVALUE:
-        matrix = (vectors * np.maximum(values, _SMALLEST_EIGENVALUE)) @ vectors.T
+    if values[0] < SMALLEST_EIGENVALUE:
+        matrix = (vectors * np.maximum(values, SMALLEST_EIGENVALUE)) @ vectors.T
         matrix /= np.sqrt(np.outer(np.diag(matrix), np.diag(matrix)))
         np.fill_diagonal(matrix, 1.0)
     return StudentCopula(tuple(map(tuple, matrix)), degrees_of_freedom)
 
 
-def _most_likely(S: np.ndarray) -> np.ndarray:
+def most_likely(S: np.ndarray) -> np.ndarray:
     """Correlation matrix R (d, d) that maximises -(ln det R + tr(R^-1 S)) / 2, S (d, d) positive definite.
 
     Newton's method on the correlations (Fisher scoring where the second derivatives have a wrong sign); a step is

@@ -13,7 +13,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from ..results.reader import Results, read_results
-from . import friction, inputs, joint, stiffness, stress_ratio, style, void_ratio_fabric
+from . import friction, input_grid, inputs, joint, stiffness, stress_ratio, style, void_ratio_fabric
 
 Frames = Mapping[str, pd.DataFrame]
 Draw = Callable[[Results, Frames], Figure]
@@ -23,10 +23,16 @@ def _of_results(draw: Callable[[Results], Figure]) -> Draw:
     return lambda results, frames: draw(results)
 
 
+def _of_pairs(pairs: Callable[[Results], Figure], other: Callable[[Results], Figure]) -> Draw:
+    """The first figure for measured pairs of mu_s and G_p, the second for other inputs."""
+    usual = inputs.PAIR
+    return lambda results, frames: (pairs if results.points.names == usual and len(results.pairs) else other)(results)
+
+
 #: File name without ending -> drawing function of the open results and the frames.
 FIGURES: dict[str, Draw] = {
-    "fig02_data_marginals": _of_results(inputs.data_marginals),
-    "fig03_joint_points": _of_results(inputs.joint_points),
+    "fig02_data_marginals": _of_pairs(inputs.data_marginals, input_grid.marginals_and_pairs),
+    "fig03_joint_points": _of_pairs(inputs.joint_points, input_grid.points),
     "fig04_grading": _of_results(inputs.grading_curve),
     "fig05_stress_ratio": _of_results(stress_ratio.stress_ratio),
     "fig06_stress_ratio_surfaces": _of_results(stress_ratio.surfaces),
@@ -43,10 +49,15 @@ FIGURES: dict[str, Draw] = {
 }
 
 
+def drawn(results: Results) -> list[str]:
+    """Names of the figures of a campaign: all, but the one along friction only if friction is random."""
+    return [name for name in FIGURES if name != "fig16_friction" or "mu_s" in results.points.names]
+
+
 def write_figures(
     results: str | Path | Results, frames: Frames, folder: str | Path, names: Iterable[str] | None = None
 ) -> list[Path]:
-    """Draw the named figures (all by default) into a folder; returns the PNG paths.
+    """Draw the named figures (by default those of `drawn`) into a folder; returns the PNG paths.
 
     frames: as `evaluate` returns them.  A PNG stays below 300 kB, and its text chunk "Source" names the results it was
     drawn from.  Raises KeyError for a name that is no figure, ResultsError for results that lack it.
@@ -55,7 +66,7 @@ def write_figures(
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     return [style.save(FIGURES[name](results, frames), folder / f"{name}.png", _source(results))
-            for name in names or FIGURES]  # fmt: skip
+            for name in names or drawn(results)]  # fmt: skip
 
 
 def write_print_figures(
@@ -67,7 +78,7 @@ def write_print_figures(
     dpi: int = 600,
     names: Iterable[str] | None = None,
 ) -> list[Path]:
-    """Draw the named figures (all by default) for print into a folder; returns the paths.
+    """Draw the named figures (by default those of `drawn`) for print into a folder; returns the paths.
 
     file_format: "pdf", "svg" or "png".  columns: 1 or 2 columns of a journal, 88 or 180 mm.  dpi: dots per inch of a
     PNG, and of the surfaces in a PDF or an SVG.  Raises as `write_figures`.
@@ -76,7 +87,7 @@ def write_print_figures(
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     paths = []
-    for name in names or FIGURES:
+    for name in names or drawn(results):
         with style.one_column(columns == 1):
             figure = FIGURES[name](results, frames)
         paths.append(style.save_print(figure, folder / f"{name}.{file_format}", columns, dpi, _source(results)))

@@ -18,8 +18,7 @@ def stress_ratio(results: Results) -> Figure:
     figure = style.new_figure(7.6, 8.6 if alone else 6.4, narrow_height=9.4 if alone else 7.2)
     last = 2.1 if style.is_narrow() else 1.15
     rows = figure.subfigures(3 if alone else 2, 1, height_ratios=[1.0] * alone + [1.0, last])
-    panels.contour_row(rows[0], results, "eta", "coupled",
-                       r"(a) $\mu_s$ and $G_p$ vary together; line: mean")  # fmt: skip
+    panels.contour_row(rows[0], results, "eta", "coupled", f"(a) {style.varying(results.points.names)}; line: mean")
     if alone:
         fixed = results.family_points("G_p").mu_s[0]
         panels.contour_row(rows[1], results, "eta", "G_p",

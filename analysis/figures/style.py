@@ -203,6 +203,14 @@ def short_label(symbol: str) -> str:
     return sign if unit in ("", "1") else f"{sign} ({unit})"
 
 
+def varying(symbols: Sequence[str]) -> str:
+    """What varies, for a title: "mu_s varies", "mu_s and G_p vary together"."""
+    signs = [f"${QUANTITIES[symbol].tex}$" for symbol in symbols]
+    if len(signs) == 1:
+        return f"{signs[0]} varies"
+    return f"{', '.join(signs[:-1])} and {signs[-1]} vary together"
+
+
 def pdf_label(symbol: str) -> str:
     """Label of an axis of probability density over a quantity."""
     unit = QUANTITIES[symbol].shown_unit or QUANTITIES[symbol].unit

@@ -14,6 +14,7 @@ from .. import copulas
 from ..copulas import multivariate
 from ..copulas.elliptical import normal_score
 from ..copulas.multivariate import GaussianCopula, StudentCopula, fit_gaussian, student_of_known_degrees
+from ..copulas.multivariate_fits import MultivariateFit, select_multivariate
 from . import marginals, refits
 from .pairs import check_pairs
 
@@ -103,13 +104,13 @@ class Joint:
     def conditional_cdf(self, x2: ArrayLike, x1: ArrayLike) -> np.ndarray:
         """P(X_2 <= x2 | X_1 = x1) of the first two variables."""
         pair = np.stack(np.broadcast_arrays(np.asarray(x1, float), np.asarray(x2, float)), axis=-1)
-        return self._first_two().rosenblatt(pair)[..., 1]
+        return self.pair(0, 1).rosenblatt(pair)[..., 1]
 
     def conditional_ppf(self, p: ArrayLike, x1: ArrayLike) -> np.ndarray:
         """x2 from P(X_2 <= x2 | X_1 = x1) = p, of the first two variables."""
         u1 = self.marginals[0].cdf(x1)
         w = np.stack(np.broadcast_arrays(u1, np.asarray(p, float)), axis=-1)
-        return self.marginals[1].ppf(self._first_two().copula.inverse_rosenblatt(w)[..., 1])
+        return self.marginals[1].ppf(self.pair(0, 1).copula.inverse_rosenblatt(w)[..., 1])
 
     def expectation(self, function: Callable[[np.ndarray], np.ndarray], nodes: int | None = None) -> np.ndarray:
         """E[function(x)] by Gauss-Legendre quadrature over independent normals, `nodes` per variable.
@@ -124,20 +125,31 @@ class Joint:
         return np.tensordot(weights / weights.sum(), function(self.from_normal(z)), axes=(0, 0))
 
     def moments(self, nodes: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Exact means (d,) and covariance matrix (d, d); off-diagonal terms by quadrature as in `expectation`."""
+        """Exact means (d,) and covariance matrix (d, d).
+
+        An off-diagonal term is a quadrature as in `expectation` over the two variables, whatever d is.
+        """
         mean = np.array([m.mean for m in self.marginals])
         std = np.array([m.std for m in self.marginals])
-        index_pairs = [(i, j) for i in range(self.dimension) for j in range(i)]
         covariance = np.diag(std**2)
-        if index_pairs:
+        for i in range(self.dimension):
+            for j in range(i):
+                two, centre, scale = self.pair(j, i), mean[[j, i]], std[[j, i]]
 
-            def products(x: np.ndarray) -> np.ndarray:
-                y = (x - mean) / std
-                return np.stack([y[:, i] * y[:, j] for i, j in index_pairs], axis=1)
+                def product(x: np.ndarray, centre: np.ndarray = centre, scale: np.ndarray = scale) -> np.ndarray:
+                    y = (x - centre) / scale
+                    return (y[:, 1] * y[:, 0])[:, None]
 
-            for (i, j), value in zip(index_pairs, self.expectation(products, nodes), strict=True):
-                covariance[i, j] = covariance[j, i] = value * std[i] * std[j]
+                covariance[i, j] = covariance[j, i] = two.expectation(product, nodes)[0] * std[i] * std[j]
         return mean, covariance
+
+    def pair(self, i: int, j: int) -> Joint:
+        """The joint distribution of the variables i < j alone."""
+        if self.dimension == 2 or isinstance(self.copula, copulas.Copula):
+            return self
+        rows = self.copula.correlation
+        part = tuple(tuple(rows[a][b] for b in (i, j)) for a in (i, j))
+        return Joint((self.marginals[i], self.marginals[j]), replace(self.copula, correlation=part))
 
     def to_dict(self) -> dict[str, Any]:
         """A JSON-ready dictionary."""
@@ -149,12 +161,6 @@ class Joint:
         restored = multivariate.from_dict if "correlation" in data["copula"] else copulas.Copula.from_dict
         return Joint(tuple(map(marginals.Marginal.from_dict, data["marginals"])), restored(data["copula"]))
 
-    def _first_two(self) -> Joint:
-        if self.dimension == 2 or isinstance(self.copula, copulas.Copula):
-            return self
-        matrix = tuple(row[:2] for row in self.copula.correlation[:2])
-        return Joint(self.marginals[:2], replace(self.copula, correlation=matrix))
-
 
 @dataclass(frozen=True)
 class JointFit:
@@ -162,7 +168,7 @@ class JointFit:
 
     joint: Joint
     marginals: tuple[tuple[marginals.Marginal, ...], ...]
-    copulas: tuple[copulas.CopulaFit, ...]
+    copulas: tuple[copulas.CopulaFit | MultivariateFit, ...]
     note: str
 
     def to_dict(self) -> dict[str, Any]:
@@ -181,13 +187,15 @@ def fit_joint(
     copula_families: tuple[str, ...] | None = None,
     n_boot: int = 1000,
     seed: int = 1,
+    names: Sequence[str] = ("mu_s", "G_p"),
 ) -> JointFit:
     """Fit marginals (smallest AIC) and a copula (smallest AIC among those the bootstrap accepts) to measured pairs.
 
     Parameters
     ----------
-    pairs : array (n, 2)
-        mu_s (1) and G_p (Pa).  More than two columns (n, d) get a Gaussian copula, without a test.
+    pairs : array (n, d)
+        Columns in SI units, for two variables mu_s (1) and G_p (Pa).  More than two get the Gaussian or Student's
+        copula, the one with the smaller AIC, without a test of its fit.
     marginal_families : tuple of str
         Families to try for every marginal.
     copula_families : tuple of str, optional
@@ -196,6 +204,8 @@ def fit_joint(
         Bootstrap samples for the test of each copula; 0 for no test.
     seed : int
         Seed of the random numbers.
+    names : sequence of str
+        Symbols of the columns, for the parameters of a copula of more than two variables.
 
     Returns
     -------
@@ -218,8 +228,12 @@ def fit_joint(
     pairs = check_pairs(pairs)
     tables = tuple(tuple(marginals.fit_all(column, marginal_families, seed=seed)) for column in pairs.T)
     if pairs.shape[1] > 2:
-        joint = Joint(tuple(table[0] for table in tables), fit_gaussian(pairs))
-        return JointFit(joint, tables, (), f"gaussian: the only copula here for {pairs.shape[1]} variables; no test")
+        d = pairs.shape[1]
+        named = names if len(names) == d else [f"x{i + 1}" for i in range(d)]
+        found = select_multivariate(pairs, named, copula_families)
+        joint = Joint(tuple(table[0] for table in tables), found[0].copula)
+        note = f"{found[0].family}: smallest pseudo-AIC; the fit of a copula of {d} variables is not tested"
+        return JointFit(joint, tables, tuple(found), note)
     fits = copulas.select(pairs[:, 0], pairs[:, 1], copula_families, n_boot, np.random.default_rng(seed))
     best, note = copulas.choose(fits)
     return JointFit(Joint(tuple(table[0] for table in tables), best.copula), tables, tuple(fits), note)
@@ -234,9 +248,9 @@ def bootstrap_joints(
 ) -> list[Joint]:
     """Joint distributions refitted to n_boot bootstrap samples of the pairs (n, d): the uncertainty of the inputs.
 
-    With `candidates` every sample chooses its families again by AIC; only the Gaussian copula of over two variables
-    stays.  Without them the families are those of `joint`; if this is None too, those that `fit_joint` selects for the
-    pairs by AIC alone.
+    With `candidates` every sample chooses its families again by AIC; only the copula of over two variables stays, as do
+    the degrees of freedom of Student's.  Without them the families are those of `joint`; if this is None too, those
+    that `fit_joint` selects for the pairs by AIC alone.
     """
     pairs = check_pairs(pairs)
     joint = fit_joint(pairs, n_boot=0).joint if joint is None else joint

@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..copulas.fitting import CopulaFit
+from ..copulas.multivariate_fits import MultivariateFit
 from ..quantities import QUANTITIES, Quantity
 from .independence import LEVEL, kendall
 from .marginals import Marginal, verdict
@@ -38,7 +39,7 @@ _LISTED = 5
 def input_warnings(
     pairs: np.ndarray,
     marginals: Mapping[str, Sequence[Marginal]],
-    copulas: Sequence[CopulaFit],
+    copulas: Sequence[CopulaFit | MultivariateFit],
     lines: Sequence[int] | None = None,
 ) -> list[str]:
     """Sentences on pairs (n, d) and their fits, best first; an empty list if there is nothing to ask.
@@ -164,7 +165,7 @@ def _distances(fit: Marginal) -> str:
     return "" if fit.ks is None or fit.ad is None else f" (KS D = {fit.ks:.3f}, AD = {fit.ad:.2f})"
 
 
-def _rejected_copulas(fits: Sequence[CopulaFit]) -> list[str]:
+def _rejected_copulas(fits: Sequence[CopulaFit | MultivariateFit]) -> list[str]:
     if not fits or any(fit.accepted is not False for fit in fits):
         return []
     best = max(fit.p_bootstrap or 0.0 for fit in fits)
@@ -175,9 +176,9 @@ def _rejected_copulas(fits: Sequence[CopulaFit]) -> list[str]:
     ]
 
 
-def _independent(pairs: np.ndarray, fits: Sequence[CopulaFit]) -> list[str]:
+def _independent(pairs: np.ndarray, fits: Sequence[CopulaFit | MultivariateFit]) -> list[str]:
     """The test of independence does not reject, and another copula is chosen; or the other way round."""
-    if not fits:
+    if not fits or pairs.shape[1] != 2:
         return []
     found = kendall(pairs[:, 0], pairs[:, 1])
     taken = fits[0].family
@@ -191,12 +192,14 @@ def _independent(pairs: np.ndarray, fits: Sequence[CopulaFit]) -> list[str]:
     return []
 
 
-def _not_told_apart(n: int, tables: Mapping[str, Sequence[Marginal]], fits: Sequence[CopulaFit]) -> list[str]:
+def _not_told_apart(
+    n: int, tables: Mapping[str, Sequence[Marginal]], fits: Sequence[CopulaFit | MultivariateFit]
+) -> list[str]:
     """Families whose AIC is near the smallest one, where the pairs are few."""
     if n >= FEW_PAIRS:
         return []
     texts = []
-    named: dict[str, Sequence[Marginal | CopulaFit]] = {**tables, "the copula": fits}
+    named: dict[str, Sequence[Marginal | CopulaFit | MultivariateFit]] = {**tables, "the copula": fits}
     for what, table in named.items():
         aic = [(fit.aic, fit.family) for fit in table if fit.aic is not None]
         near = [family for value, family in aic if value - min(aic)[0] < NEAR_AIC]
@@ -210,7 +213,7 @@ def _not_told_apart(n: int, tables: Mapping[str, Sequence[Marginal]], fits: Sequ
     ]
 
 
-def _at_bounds(fits: Sequence[CopulaFit]) -> list[str]:
+def _at_bounds(fits: Sequence[CopulaFit | MultivariateFit]) -> list[str]:
     """Fits at an end of their range: any family at a wall, the chosen one also where it only becomes simpler."""
     texts = []
     for k, fit in enumerate(fits):

@@ -6,7 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from ..quantities import parameter
+import numpy as np
+
+from ..quantities import QUANTITIES, parameter
 from .independence import LEVEL, kendall
 from .marginals import Marginal, verdict
 
@@ -30,12 +32,22 @@ def fit_lines(inputs: Mapping[str, Any]) -> list[str]:
         values = zip(best["names"], best["parameters"], strict=True)
         parameters = ", ".join(f"{name} = {value:.4g}" for name, value in values)
         named = f"{best['family']} ({parameters})" if parameters else best["family"]
-        lines.append(f"copula: {named}, Kendall's tau {best['tau']:.3g}; {_aic(fits)}; {_copula_test(best)}")
-        if pairs := inputs.get("pairs"):
+        tau = "" if best.get("tau") is None else f", Kendall's tau {best['tau']:.3g}"
+        lines.append(f"copula: {named}{tau}; {_aic(fits)}; {_copula_test(best)}")
+        pairs = inputs.get("pairs")
+        if pairs and len(pairs[0]) == 2:
             found = kendall(*zip(*pairs, strict=True))
             rejected = "rejected" if found.p <= LEVEL else "not rejected"
             lines.append(f"dependence: {found.text} of the pairs; independence {rejected}, {found.p_text}")
     return lines
+
+
+def variable_range(symbol: str, values: np.ndarray) -> str:
+    """Symbol, least and largest of the values (n,) in the displayed unit, such as "G_p 13.6 to 44.3 GPa"."""
+    quantity = QUANTITIES[symbol]
+    low, high = (quantity.shown_factor * float(end) for end in (np.min(values), np.max(values)))
+    unit = f" {quantity.shown_unit}" if quantity.shown_unit else ""
+    return f"{symbol} {low:.3g} to {high:.3g}{unit}" if high > low else f"{symbol} {low:.4g}{unit}"
 
 
 def _aic(table: list[dict[str, Any]]) -> str:

@@ -13,6 +13,8 @@ from ..inputs.marginals import Marginal
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
 _REACH = 7.5
 _LARGEST_RATIO = 2.0
+#: Means, variances and covariance of two variables.  With at most as many, more points are always left free than that.
+_MOMENTS_OF_TWO = 5
 
 
 def middles(x: np.ndarray, probability: np.ndarray) -> np.ndarray:
@@ -109,8 +111,8 @@ def calibrated(joint: Joint, x: np.ndarray, probability: np.ndarray, nodes: int 
 
     Minimises sum (P - P0)^2 / P0 / n + sum over points and marginals of (F_weighted - F)^2 subject to the moments
     (calibration, Deville and Sarndal 1992), by its linear equations; weights that would fall below a twentieth of
-    their P0 stay there. Where few points, or points far from the distribution, leave no such weights, the moments
-    are matched softly. `nodes` as in Joint.moments.
+    their P0 stay there. Where few points, or points far from the distribution, leave no such weights, moments are
+    matched softly: with three or more variables the covariances first, then all. `nodes` as in Joint.moments.
     """
     start = np.maximum(probability, 1e-3 * np.mean(probability))
     start = start / start.sum()
@@ -124,34 +126,42 @@ def calibrated(joint: Joint, x: np.ndarray, probability: np.ndarray, nodes: int 
     hessian = before.T @ before + np.diag(1.0 / start) / n
     slope = before.T @ joint.uniforms(x).T.ravel() + 1.0 / n
     floor = 0.05 * start
-    for softness in (0.0, 1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0):
-        weights = _constrained(hessian, slope, moments, softness, floor)
+    covariances = np.concatenate([np.zeros(d), i != j])
+    levels = np.array([1e-3, 1e-2, 0.1, 1.0, 10.0, 100.0])
+    softness = [0.0 * covariances, *np.outer(levels, np.ones(len(moments)))]
+    if d > 2:
+        softness[1:1] = np.outer(levels, covariances)
+    for soft in softness:
+        weights = _constrained(hessian, slope, moments, soft, floor)
         if weights is not None:
             return weights
     return start
 
 
 def _constrained(
-    hessian: np.ndarray, slope: np.ndarray, moments: np.ndarray, softness: float, floor: np.ndarray
+    hessian: np.ndarray, slope: np.ndarray, moments: np.ndarray, softness: np.ndarray, floor: np.ndarray
 ) -> np.ndarray | None:
     """Solve the quadratic programme, fixing weights that hit the floor; None if the floor takes more than a third of
-    them.
+    them, or if there are more exact moments (softness 0) than weights can meet.
     """
-    n, k = len(slope), len(moments)
+    n, exact = len(slope), 1 + np.count_nonzero(softness == 0.0)
+    if n < exact:
+        return None
+    fewest = exact if len(moments) > _MOMENTS_OF_TWO else 1 + len(moments)
     weights, fixed = np.empty(n), np.zeros(n, dtype=bool)
     for _ in range(50):
         free = ~fixed
         weights[fixed] = floor[fixed]
         rows = np.vstack([np.ones(n), moments])
-        corner = np.diag(np.append(0.0, np.full(k, -softness)))
+        corner = np.diag(np.append(0.0, -softness))
         matrix = np.block([[hessian[np.ix_(free, free)], rows[:, free].T], [rows[:, free], corner]])
         right = slope[free] - hessian[np.ix_(free, fixed)] @ weights[fixed]
-        target = np.append(1.0, np.zeros(k)) - rows[:, fixed] @ weights[fixed]
+        target = np.append(1.0, np.zeros(len(moments))) - rows[:, fixed] @ weights[fixed]
         weights[free] = np.linalg.solve(matrix, np.append(right, target))[: free.sum()]
         low = free & (weights < floor)
         if not low.any():
             return weights
         fixed |= low
-        if fixed.sum() > n / 3 or free.sum() - low.sum() <= k + 1:
+        if fixed.sum() > n / 3 or free.sum() - low.sum() <= fewest:
             return None
     return None

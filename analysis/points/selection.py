@@ -7,6 +7,8 @@ would give other probabilities.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -30,7 +32,13 @@ _FARTHEST = 0.1
 
 
 def select_points(
-    joint: Joint, n: int, method: str = "gf", seed: int = 1, nested: bool = False
+    joint: Joint,
+    n: int,
+    method: str = "gf",
+    seed: int = 1,
+    nested: bool = False,
+    names: Sequence[str] = (),
+    constants: Mapping[str, float] | None = None,
 ) -> RepresentativePoints:
     """Choose n points with probabilities for a joint distribution.
 
@@ -41,21 +49,27 @@ def select_points(
     n : int
         Number of points, at least 8.
     method : {"gf", "gf-published", "sobol", "lhs", "mc"}
-        "gf": a rank-one lattice in the independent space, then rounds of exact Voronoi probabilities and rearrangement
-        in the *physical* marginals onto two-point rules that keep means and variances, a small shear for the
-        correlation, and a smallest change of the probabilities that makes means, variances and covariances exact.  Few
-        points may not carry them all; `moment_errors` and `moment_warnings` of the result then state what differs.
-        Points come in an order in which every beginning is a fair set.  "gf-published": Sobol' points and rearrangement
-        in the independent space (Chen, Yang and Li 2016).  "sobol", "lhs", "mc": equal probabilities.
+        "gf": a rank-one lattice in the independent space (from three variables on the fairest of many sets), then
+        rounds of exact Voronoi probabilities (from three variables on sampled ones) and rearrangement in the *physical*
+        marginals onto two-point rules that keep means and variances, a small shear for the correlations, and a smallest
+        change of the probabilities that makes means, variances and covariances exact.  Few points may not carry them
+        all; `moment_errors` and `moment_warnings` of the result then state what differs.  Points come in an order in
+        which every beginning is a fair set.  "gf-published": Sobol' points and rearrangement in the independent space
+        (Chen, Yang and Li 2016).  "sobol", "lhs", "mc": equal probabilities.
     seed : int
         Seed of the search; the same seed gives the same points.
     nested : bool
         With "gf": the first n/2 points are select_points(joint, n/2, nested=True), and so on down to 40 points.
+    names : sequence of str
+        Symbols of the d variables (analysis/inputs/variables.py); by default mu_s and G_p for d = 2.
+    constants : mapping of str to float
+        Values (SI units) of the needed variables that are not random.
 
     Returns
     -------
     RepresentativePoints
-        x (n, 2) of mu_s and G_p (Pa), probability (n,) of sum 1; well under a second for n = 100.
+        x (n, d) in SI units, for two variables mu_s and G_p (Pa), probability (n,) of sum 1.  For n = 100 it takes well
+        under a second with one or two variables, and a few seconds with three, whose cells are sampled.
 
     Raises
     ------
@@ -84,15 +98,18 @@ def select_points(
         x, probability = _published(joint, n, seed)
     else:
         x, probability = joint.inverse_rosenblatt(uniform_set(method, n, joint.dimension, seed)), equal
-    return _points(joint, x, probability, method, seed, nested)
+    chosen = _points(joint, x, probability, method, seed, nested)
+    return replace(chosen, names=tuple(names), constants=constants or {})
 
 
 def reweight(points: RepresentativePoints, joint: Joint, samples: int = 2**14) -> RepresentativePoints:
     """The same points with the probabilities that another joint distribution gives them: no new simulation is needed.
 
-    Cells are those of the points under the new distribution (exact in two dimensions), calibrated as in select_points.
+    Cells are those of the points under the new distribution (exact up to two dimensions), calibrated as in
+    select_points.
     """
-    return _points(joint, points.x, reweighted(points.x, joint, samples), points.method, points.seed, points.nested)
+    new = _points(joint, points.x, reweighted(points.x, joint, samples), points.method, points.seed, points.nested)
+    return replace(new, names=points.names, constants=points.constants)
 
 
 def reweighted(x: np.ndarray, joint: Joint, samples: int = 2**14) -> np.ndarray:
@@ -100,8 +117,7 @@ def reweighted(x: np.ndarray, joint: Joint, samples: int = 2**14) -> np.ndarray:
 
     Quadrature with 64 nodes a variable: covariances to 1e-7, a sixth of the time.
     """
-    nodes = 64 if x.shape[1] == 2 else None
-    return normalised(calibrated(joint, x, _cells(joint.to_normal(x), samples), nodes))
+    return normalised(calibrated(joint, x, _cells(joint.to_normal(x), samples), 64))
 
 
 def _points(
@@ -127,7 +143,8 @@ def _rearranged(joint: Joint, n: int, seed: int) -> tuple[np.ndarray, np.ndarray
     """Lattice, then rounds of Voronoi probabilities and rearrangement in the physical marginals, then the
     correlation.
     """
-    x = joint.inverse_rosenblatt(uniform_set("lattice", n, joint.dimension, seed))
+    start = "lattice" if joint.dimension <= 2 else "fairest"
+    x = joint.inverse_rosenblatt(uniform_set(start, n, joint.dimension, seed))
     x = gauss_rearranged(joint, x, np.full(n, 1.0 / n))
     farthest = -special.ndtri(_FARTHEST / n)
     for _ in range(_ROUNDS):
@@ -181,16 +198,20 @@ def _doubled(joint: Joint, old: np.ndarray, seed: int, trials: int = 64) -> tupl
 
 
 def _cells(z: np.ndarray, samples: int = 2**18) -> np.ndarray:
-    return cell_probabilities(z) if z.shape[1] == 2 else sampled_cell_probabilities(z, samples)
+    return cell_probabilities(z) if z.shape[1] <= 2 else sampled_cell_probabilities(z, samples)
 
 
 def bootstrap_probabilities(
     pairs: np.ndarray, joint: Joint, x: ArrayLike, n_boot: int, seed: int = 1, candidates: Candidates | None = None
 ) -> np.ndarray:
-    """Probabilities (n_boot, Q) of the points x (Q, 2) under the inputs refitted to resampled pairs (n, 2).
+    """Probabilities (n_boot, Q) of the points x (Q, d) under the inputs refitted to resampled pairs (n, d).
 
     With `candidates` every refit chooses its families again, else they stay those of `joint`; every row is positive and
     sums to 1.  Raises InputError for bad pairs.
     """
-    refitted = bootstrap_joints(pairs, n_boot, np.random.default_rng(seed), joint, candidates)
-    return np.array([reweighted(np.asarray(x, float), other) for other in refitted])
+    return probabilities_under(bootstrap_joints(pairs, n_boot, np.random.default_rng(seed), joint, candidates), x)
+
+
+def probabilities_under(joints: Sequence[Joint], x: ArrayLike) -> np.ndarray:
+    """Probabilities (B, Q) that each of B joint distributions gives to the points x (Q, d); every row sums to 1."""
+    return np.array([reweighted(np.asarray(x, float), joint) for joint in joints])

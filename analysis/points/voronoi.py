@@ -1,6 +1,8 @@
-"""Probabilities of Voronoi cells under the standard normal distribution: exact in the plane, by sampling beyond."""
+"""Probabilities of Voronoi cells under the standard normal distribution: exact up to two dimensions, else sampled."""
 
 from __future__ import annotations
+
+from functools import lru_cache
 
 import numpy as np
 from scipy import spatial, special, stats
@@ -9,15 +11,19 @@ _FAR = 60.0
 
 
 def cell_probabilities(z: np.ndarray) -> np.ndarray:
-    """P(nearest point is q) under independent standard normals, for points z (n, 2): shape (n,), exact to 1e-14.
+    """P(nearest point is q) under independent standard normals, for points z (n, 1) or (n, 2): shape (n,), to 1e-14.
 
-    Each cell is a polygon; its measure is a signed sum over its edges of triangles seen from the origin,
-    (theta_2 - theta_1) / 2 pi - T(d, tan theta_2) + T(d, tan theta_1) with Owen's T (1956), d the edge's distance and
-    theta measured from its perpendicular.  Coinciding points share their cell's probability equally.
+    On a line a cell ends half-way to its neighbours.  In the plane each cell is a polygon; its measure is a signed sum
+    over its edges of triangles seen from the origin, (theta_2 - theta_1) / 2 pi - T(d, tan theta_2) + T(d, tan theta_1)
+    with Owen's T (1956), d the edge's distance and theta measured from its perpendicular.  Coinciding points share
+    their cell's probability equally.
     """
     z = np.asarray(z, dtype=float)
     unique, inverse, counts = np.unique(z, axis=0, return_inverse=True, return_counts=True)
     inverse = np.ravel(inverse)
+    if z.shape[1] == 1:
+        edges = special.ndtr(np.concatenate([[-np.inf], 0.5 * (unique[1:, 0] + unique[:-1, 0]), [np.inf]]))
+        return (np.diff(edges) / counts)[inverse]
     guards = _FAR * np.array([[1, 0], [0, 1], [-1, 0], [0, -1], [1, 1], [-1, 1], [-1, -1], [1, -1]], dtype=float)
     diagram = spatial.Voronoi(np.vstack([unique, guards]))
     owner, start, end = [], [], []
@@ -36,9 +42,14 @@ def cell_probabilities(z: np.ndarray) -> np.ndarray:
 def sampled_cell_probabilities(z: np.ndarray, samples: int = 2**20, seed: int = 1) -> np.ndarray:
     """The same in any dimension, points z (n, d), from scrambled Sobol' samples and a k-d tree; error about 1e-4."""
     z = np.asarray(z, dtype=float)
-    uniform = stats.qmc.Sobol(z.shape[1], seed=seed).random_base2(int(np.log2(samples)))
-    normal = special.ndtri(np.clip(uniform, 2.0**-32, 1.0 - 2.0**-32))
-    return nearest_shares(z, normal)
+    return nearest_shares(z, _normals(z.shape[1], samples, seed))
+
+
+@lru_cache(maxsize=4)
+def _normals(d: int, samples: int, seed: int) -> np.ndarray:
+    """Standard normals (samples, d) of scrambled Sobol' points."""
+    uniform = stats.qmc.Sobol(d, seed=seed).random_base2(int(np.log2(samples)))
+    return special.ndtri(np.clip(uniform, 2.0**-32, 1.0 - 2.0**-32))
 
 
 def nearest_shares(z: np.ndarray, samples: np.ndarray) -> np.ndarray:

@@ -10,8 +10,12 @@ import pandas as pd
 from ..quantities import FULL_RATE, FULL_RATE_FRICTION
 from ..results.reader import Results
 from ..tables import published
+from . import input_words
 
 Frames = Mapping[str, pd.DataFrame]
+#: Words for a setting of the test that is random.
+RANDOM = {"d50": "median diameter", "sigma_ln": "standard deviation of ln d", "nu": "Poisson's ratio of the grains",
+          "sigma_3": "confining stress"}  # fmt: skip
 
 
 def introduction(results: Results, frames: Frames) -> str:
@@ -19,8 +23,9 @@ def introduction(results: Results, frames: Frames) -> str:
     frictions = ", ".join(f"{mu_iso:g}" for mu_iso in results.family_densities())
     filled = int(frames["report_facts"].iloc[0]["filled"])
     return (
-        "How the scatter of two grain properties, interparticle friction and particle shear modulus, affects the "
-        f"behaviour of a granular soil: {len(results.points)} representative points of their joint distribution, "
+        f"How {input_words.scatter_of_inputs(results)} affects the behaviour of a granular soil: "
+        f"{len(results.points)} representative points of {'its' if len(results.points.names) == 1 else 'their joint'} "
+        "distribution, "
         f"sheared by the discrete element method at {len(results.densities)} "
         f"{'densities' if len(results.densities) > 1 else 'density'}, set by the friction during consolidation "
         f"(mu_iso = {frictions}; the lowest gives the densest), and the PDFs of the responses."
@@ -36,19 +41,31 @@ def test_words(results: Results, facts: pd.Series) -> list[str]:
         return []
     grains, material = settings["assembly"], settings["material"]
     stress = settings["consolidation"]["sigma_3_kPa"]
+    random = {name: f"a random {words}" for name, words in RANDOM.items() if name in results.points.names}
+    size = random.get("d50", f"d50 = {grains['d50_mm']:g} mm")
+    width = random.get("sigma_ln", f"a standard deviation of ln d of {grains['sigma_ln']:g}")
+    poisson = random.get("nu", f"Poisson's ratio {material['nu']:g}")
     test = (
-        f"The test: spheres, {grains['distribution'].replace('_', ' ')} with d50 = {grains['d50_mm']:g} mm and a "
-        f"standard deviation of ln d of {grains['sigma_ln']:g} by mass, Poisson's ratio {material['nu']:g}, "
-        f"consolidated isotropically to {stress:g} kPa and sheared drained in triaxial compression at that confining "
-        f"stress. Strains are logarithmic: the last, {facts['end_strain_pct']:.3g} %, is "
+        f"The test: spheres, {grains['distribution'].replace('_', ' ')} with {size} and {width} by mass, "
+        f"{poisson}, "
+        f"consolidated isotropically to {random.get('sigma_3', f'{stress:g} kPa')} and sheared drained in triaxial "
+        f"compression at that confining stress. Strains are logarithmic: the last, {facts['end_strain_pct']:.3g} %, is "
         f"{facts['end_height_pct']:.3g} % of the height."
     )
-    graded = grains["distribution"] == "lognormal" and abs(grains["sigma_ln"] - published.SIGMA_LN) < 5e-3
+    graded = (
+        "sigma_ln" not in random
+        and grains["distribution"] == "lognormal"
+        and abs(grains["sigma_ln"] - published.SIGMA_LN) < 5e-3
+    )
     scale = settings["dem"]["stiffness_scale"]
     differences = [
         words
         for differs, words in (
-            (stress != published.SIGMA_3 / 1e3, f"{stress:g} kPa instead of {published.SIGMA_3 / 1e3:g}"),
+            ("sigma_3" in random, "a random confining stress"),
+            (
+                "sigma_3" not in random and stress != published.SIGMA_3 / 1e3,
+                f"{stress:g} kPa instead of {published.SIGMA_3 / 1e3:g}",
+            ),
             (not graded, "another grading"),
             (material["heterogeneity"] != "specimen", "a pair of properties for every grain"),
             (scale != 1.0, f"{scale:g} of the grains' stiffness"),

@@ -7,7 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from ..tables.pooled_states import FEWEST_RUNS
 from ..tables.published import SOURCE, SURFACES
 from . import page
 
@@ -18,8 +17,8 @@ def friction(frames: Mapping[str, pd.DataFrame]) -> str:
     frame = frame[(frame["state"] == "critical") & (frame["quantity"] == "eta")]
     if not len(frame):
         return page.paragraph(
-            f"No table of single frictions: it needs {FEWEST_RUNS} points per density, and runs that reach one of the "
-            "frictions."
+            f"No table of single frictions: it needs {frames['report_facts'].iloc[0]['runs_needed']} points per "
+            "density, and runs that reach one of the frictions."
         )
     shown = frame.assign(text=[_with_half(v, h) for v, h in zip(frame["value"], frame["ci95"], strict=True)])
     shown = shown.pivot(index=["mu_s", "G_p_GPa"], columns="mu_iso", values="text")

@@ -11,13 +11,17 @@ from string import Template
 import numpy as np
 import pandas as pd
 
+from ..quantities import INPUTS
+
 #: Columns whose values were set, not measured, and are shown as set.
 AS_GIVEN = ("mu_iso",)
 #: Column of a frame -> heading on the page.
 HEADINGS = {
     "value_interval": "value (interval)", "here_cov": "here (COV)", "paper_cov": "paper (COV)",
     "before_shear_cov": "before shear (COV)", "difference_pct": "difference (%)", "G_p_GPa": "G_p (GPa)",
-    "only_mu_s": "only mu_s", "only_G_p": "only G_p",
+    **{f"only_{symbol}": f"only {symbol}" for symbol in INPUTS},
+    **{f"shapley_{symbol}": f"Shapley effect of {symbol}" for symbol in INPUTS},
+    "sigma_3_kPa": "sigma_3 (kPa)", "d50_mm": "d50 (mm)",
     "q05": "5%", "q50": "50%", "q95": "95%", "W1_average": "W1, average", "mean_deg": "mean",
     "sd_deg": "sd", "q05_deg": "5%", "q95_deg": "95%", "run_of_the_largest": "run of the largest",
     "steady_early": "steady early", "core_hours": "core-hours", "mean_steps": "steps, mean",

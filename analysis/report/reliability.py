@@ -6,20 +6,22 @@ from collections.abc import Iterator, Mapping
 
 import pandas as pd
 
-from ..tables.pooled_states import FEWEST_RUNS
-from . import page, wording
+from ..results.reader import Results
+from ..tables.variance_sources import share_columns
+from . import input_words, page, wording
 
 Frames = Mapping[str, pd.DataFrame]
 
 
-def sources(frames: Frames) -> str:
+def sources(results: Results, frames: Frames) -> str:
     """HTML on the sources of the variance, and on the points and PDEM against Monte Carlo."""
     shares = frames["variance_sources"]
     if not len(shares):
         return page.paragraph(
-            f"Too few runs for shares of the variance: they need at least {FEWEST_RUNS} points per density."
+            "Too few runs for shares of the variance: they need at least "
+            f"{frames['report_facts'].iloc[0]['runs_needed']} points per density."
         )
-    parts = ("only_mu_s", "only_G_p", "shared", "noise")
+    parts = [*share_columns(results.points.names), "noise"]
     shares = shares[["quantity", "state", "mu_iso", *parts, "packing", "own"]].assign(
         **{k: [f"{v:.2f}" for v in shares[k]] for k in parts},
         **{k: [f"{v:.2f} ({a:.2f}–{b:.2f})" if v == v else "–" for v, a, b in
@@ -34,7 +36,7 @@ def sources(frames: Frames) -> str:
     percent = [name for name in along.columns if name not in ("mu_iso", "quantity", "unit")]
     along = along.assign(quantity=page.headings(along), **{k: [f"{100 * v:.1f}" for v in along[k]] for k in percent})
     return "".join((
-        page.paragraph(wording.SOURCES),
+        page.paragraph(input_words.sources_words(results)),
         page.table(
             shares.sort_values(["quantity", "state", "mu_iso"]), "Shares of the variance (95 % intervals)", digits=2
         ),

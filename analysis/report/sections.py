@@ -15,7 +15,7 @@ from ..quantities import QUANTITIES
 from ..results.reader import Results, ResultsError, read_results
 from ..tables import DERIVED_TABLES, REPORT_TABLES, TABLES, published
 from ..tables.claims import CONTRADICTED, INCONCLUSIVE, SUPPORTED
-from . import conditions, friction, page, reliability, wording
+from . import conditions, friction, input_words, page, reliability, wording
 
 #: Every table; the report shows most of them.
 NEEDED = {*TABLES, *REPORT_TABLES, *DERIVED_TABLES}
@@ -71,7 +71,7 @@ def sections(content: Content, name: str) -> list[tuple[str, str]]:
     listed = [
         ("", _head(content, name)),
         ("The paper's claims, each with a number", _claims(frames["claims"])),
-        ("Inputs: pairs of grain properties", _inputs(content)),
+        (input_words.inputs_heading(results), _inputs(content)),
         ("Representative points and grading", _points(content)),
         ("Runs", _runs(results, frames)),
         ("Initial states", _initial(frames)),
@@ -79,8 +79,8 @@ def sections(content: Content, name: str) -> list[tuple[str, str]]:
         ("Void ratios, coordination, fabric", _behaviour(content)),
         ("Stiffness and dilatancy", _pictures(content, "fig13")),
         ("Joint PDFs", _pictures(content, "fig14", "fig15")),
-        ("The effect of friction", _pictures(content, "fig16") + friction.friction(frames)),
-        ("Sources of the scatter", reliability.sources(frames)),
+        ("The effect of friction", _effect_of_friction(content)),
+        ("Sources of the scatter", reliability.sources(results, frames)),
         ("Moments and quantiles with their uncertainty", moments_html(results, frames)),
         ("Friction angles for design", reliability.friction_angles(frames)),
         ("How many runs would have been enough", reliability.replay(frames)),
@@ -97,7 +97,7 @@ def _head(content: Content, name: str) -> str:
     counts = frames["run_counts"].iloc[-1]
     done, planned = int(counts["done"]), int(counts["planned"])
     items = [
-        (str(len(results.points)), f"points of ({wording.sign('mu_s')}, {wording.sign('G_p')})"),
+        (str(len(results.points)), f"points of ({', '.join(map(wording.sign, results.points.names))})"),
         (str(len(results.densities)), "densities" if len(results.densities) > 1 else "density"),
         (str(done), "runs, all with a product" if done == planned else f"of {planned} runs done"),
         (conditions.particles(frames), "spheres per run"),
@@ -122,16 +122,27 @@ def _inputs(content: Content) -> str:
     of_marginals = ("property", "family", "parameters", "aic", "bic", "ks", "ks_critical", "ks_critical_fitted",
                     "ad", "ad_critical_fitted")  # fmt: skip
     of_copulas = ("family", "parameters", "aic", "bic", "tau", "S", "p_paper", "p_bootstrap", "accepted")
-    parts = [page.paragraph(wording.source(results)), *map(page.paragraph, wording.input_warnings(results))]
+    usual = input_words.is_pair_of_friction_and_modulus(results) and input_words.are_measured(results)
+    facts = frames["report_facts"].iloc[0]
+    source = wording.source(results) if usual else input_words.inputs_source(results, facts)
+    parts = [page.paragraph(source), *map(page.paragraph, wording.input_warnings(results))]
     parts.append(_pictures(content, "fig02"))
     if len(frames["marginals"]):
-        caption = "Table 1. Marginal distributions, smallest AIC first"
-        parts.append(page.table(_columns(frames["marginals"], of_marginals), caption, stack=True))
-        parts.append(page.paragraph(wording.marginals_against_paper(results)))
+        order = ", smallest AIC first" if input_words.are_measured(results) else ""
+        caption = f"Table 1. Marginal distributions{order}"
+        shown = _columns(frames["marginals"], of_marginals)
+        shown = shown if input_words.are_measured(results) else shown.dropna(axis=1, how="all")
+        parts.append(page.table(shown, caption, stack=True))
+        if usual:
+            parts.append(page.paragraph(wording.marginals_against_paper(results)))
     if len(frames["copulas"]):
-        caption = "Table 2. Copulas: pseudo-AIC on ranks, Cramér–von Mises distance S and its p-values"
+        tests = ", Cramér–von Mises distance S and its p-values" if "S" in frames["copulas"] else ""
+        caption = f"Table 2. Copulas: pseudo-AIC on ranks{tests}"
+        if not input_words.are_measured(results):
+            caption = "Table 2. The copula that was given"
         parts.append(page.table(_columns(frames["copulas"], of_copulas), caption, stack=True))
-        parts.append(page.paragraph(wording.copulas_against_paper(results)))
+        if usual:
+            parts.append(page.paragraph(wording.copulas_against_paper(results)))
     return "".join(parts)
 
 
@@ -143,13 +154,21 @@ def _points(content: Content) -> str:
     results = content.results
     attrs = results.inputs["points"]
     facts = "; ".join(f"{k} = {_plain(v)}" for k, v in attrs.items() if k != "columns")
-    ranges = " and ".join(
+    ranges = input_words.listed([
         f"{wording.sign(s)} from {_shown(s, results.points[s].min())} to {_shown(s, results.points[s].max())}"
-        for s in ("mu_s", "G_p")
-    )
+        for s in results.points.names
+    ])  # fmt: skip
     text = f"{len(results.points)} points with {ranges}" + (f" ({facts})." if facts else ".")
-    text += " The paper's 100 points span 0.15–0.65 and 16–61 GPa; its own lognormals reach lower."
+    if input_words.is_pair_of_friction_and_modulus(results):
+        text += " The paper's 100 points span 0.15–0.65 and 16–61 GPa; its own lognormals reach lower."
     return page.paragraph(text) + _pictures(content, "fig03", "fig04")
+
+
+def _effect_of_friction(content: Content) -> str:
+    """Figure and tables along friction, or nothing where friction is not random."""
+    if "mu_s" not in content.results.points.names:
+        return ""
+    return _pictures(content, "fig16") + friction.friction(content.frames)
 
 
 def _runs(results: Results, frames: Mapping[str, pd.DataFrame]) -> str:
@@ -213,7 +232,7 @@ def moments_html(results: Results, frames: Mapping[str, pd.DataFrame]) -> str:
         shown[name] = page.intervals(frame, name, " … ")
     columns = ["quantity", "state", "mu_iso", "kind", "mean", "sd", "q05", "q95", "runs_share"]
     shown = shown.sort_values(["quantity", "state", "mu_iso", "kind"], ascending=[True, True, True, False])
-    notes = (wording.MOMENTS, wording.open_inputs(results, frames["report_facts"].iloc[0]))
+    notes = (wording.MOMENTS, input_words.bands_words(results, frames["report_facts"].iloc[0]))
     text = "".join(map(page.paragraph, notes))
     caption = "Mean, standard deviation, 5 % and 95 % quantile of the states, with 95 % intervals"
     return text + page.table(shown[columns], caption, stack=True, digits=2)

@@ -11,10 +11,23 @@ from ..results.reader import Results
 from ..results.standing import NOT_PROVEN, NOT_REACHED, PROVEN
 from ..tables import published
 from ..tables.claims import CONTRADICTED, INCONCLUSIVE, SUPPORTED
+from . import input_words
 
 Frames = Mapping[str, pd.DataFrame]
 
-SIGNS = {"mu_s": "μ_s", "G_p": "G_p", "e": "e", "e_m": "e_m", "Z": "Z", "Z_m": "Z_m", "eta": "η"}
+SIGNS = {
+    "mu_s": "μ_s",
+    "G_p": "G_p",
+    "nu": "ν",
+    "sigma_ln": "σ_ln d",
+    "sigma_3": "σ_3",
+    "d50": "d50",
+    "e": "e",
+    "e_m": "e_m",
+    "Z": "Z",
+    "Z_m": "Z_m",
+    "eta": "η",
+}
 
 CAPTIONS = {
     "fig02": "Figure 2. (a) The pairs of interparticle friction and particle shear modulus; (b, c) their histograms "
@@ -34,8 +47,7 @@ CAPTIONS = {
     "that of the point's own run. The strain jumps where the pooled curve has two maxima. Loose samples have hardly "
     "any peak.",
     "fig08": "Figure 8. Void ratio. The paper: densities differ at the peak and converge at the critical state. "
-    "Shaded, here and wherever the PDF of a state is shown: the 95 % band from resampling the pairs alone, without "
-    "packing noise. Values above the scale of a surface are cut off.",
+    "Values above the scale of a surface are cut off.",
     "fig09": "Figure 9. Mechanical void ratio, inactive grains counted as void.",
     "fig10": "Figure 10. Coordination number. The paper: between 3.3 and 5.5 at the peak and the critical state, the "
     "same for all densities.",
@@ -60,8 +72,10 @@ def sign(symbol: str) -> str:
 
 def caption(results: Results, name: str) -> str:
     """The caption of a figure; where pairs are shown, with the file that they come from."""
-    of_pairs = f" Pairs: {results.inputs.get('source') or 'unnamed'}." if name in ("fig02", "fig03") else ""
-    return CAPTIONS[name] + of_pairs
+    source = results.inputs.get("source") or "unnamed"
+    of_pairs = f" Pairs: {source}." if name in ("fig02", "fig03") and len(results.pairs) else ""
+    band = input_words.band_note(results) if name == "fig08" else ""
+    return (input_words.caption_of_inputs(results, name) or CAPTIONS[name]) + band + of_pairs
 
 
 CLAIMS = (
@@ -73,18 +87,9 @@ CLAIMS = (
 )
 
 MOMENTS = (
-    "Denoised: what the grain properties do, from a model of all runs of a density (a smooth function of mu_s and G_p, "
+    "Denoised: what the grain properties do, from a model of all runs of a density (a smooth function of the inputs, "
     "the noise of packings, and that of single runs). As simulated: what one specimen of the simulated number of "
     "spheres does, with both kinds of noise. Quote the denoised numbers for the effect of the grain properties."
-)
-
-SOURCES = (
-    "Interparticle friction and shear modulus depend on each other, so each explains most of what the other explains. "
-    "The table splits each variance into the part that only one of them adds once the other is known, the part that "
-    "either explains (shared), and the noise of packings and single runs, which a model of all runs separates. The "
-    "next table compares moments and quantiles of the points with Monte Carlo samples through this model, without "
-    "noise for mean and sd and with it for the quantiles. The last one compares PDEM's PDFs along strain with such "
-    "samples, noise included."
 )
 
 REPLAY = (
@@ -104,7 +109,7 @@ STRESS_AXES = (
 
 PEAKS = (
     "Peaks: the maximum of a noisy curve is too large. The strain of each peak is therefore taken from curves that are "
-    "pooled over the points of a density by a regression over the two properties. The peak of a point is the smoothed "
+    "pooled over the points of a density by a regression over the inputs. The peak of a point is the smoothed "
     "value of its own run at this strain. The bias that is left is estimated by simulation with the noise as measured, "
     "and it is subtracted. All other quantities at the peak are taken at the same strain. The table gives the mean "
     "bias that was subtracted, and the number of points whose curve is largest at the first or last strain where a "
@@ -238,18 +243,6 @@ def initial_states(facts: pd.Series, collapse: pd.DataFrame) -> str:
     )
 
 
-def open_inputs(results: Results, facts: pd.Series) -> str:
-    """How the bands from the pairs were made, and what they do not contain."""
-    return (
-        f"With {len(results.pairs)} pairs the fitted input distribution is itself uncertain. The pairs were resampled, "
-        "and the marginals and the copula were refitted (their families kept); no run is repeated. The intervals "
-        "contain this and the error of the model. The last column is the share of the squared width of the mean's "
-        "interval that more or larger runs could remove; the rest comes from the number of pairs. The bands around the "
-        "PDFs at the peak, at the critical state and of the stiffness in the figures contain the uncertainty of the "
-        f"pairs only, from {facts['refitted']} refits. The choice of families is in no interval."
-    )
-
-
 def run_notes(results: Results, frames: Frames) -> list[str]:
     """Failures with their reasons, and early stops, in words."""
     runs, counts = frames["runs"], frames["run_counts"].iloc[-1]
@@ -269,7 +262,7 @@ def run_notes(results: Results, frames: Frames) -> list[str]:
         filled = int(frames["report_facts"].iloc[0]["filled"])
         notes.append(
             f"{int(counts['spared'])} runs were spared, because the target error was reached without them: {filled} of "
-            f"{len(results.points)} points were not run; a regression over the two properties gives their values."
+            f"{len(results.points)} points were not run; a regression over the inputs gives their values."
         )
     older = int(frames["archived_runs"].iloc[0]["other_version"])
     if older:

@@ -19,14 +19,15 @@ import pandas as pd
 
 from ..errors_and_files import atomic_write, write_hdf5
 from ..inputs.joint import Joint
-from ..inputs.refits import Candidates
+from ..inputs.measurements import refitted_joints
+from ..inputs.variables import NEEDED
 from ..pdem import evolution
 from ..points.representative_points import RepresentativePoints
-from ..points.selection import bootstrap_probabilities
+from ..points.selection import probabilities_under
 from ..quantities import QUANTITIES
 from ..runs.archive import NAME, Archive
 from .collect import Collected, FamilyDensity, ResponsesError, collect
-from .reader import FORMAT, FORMAT_VERSION, JUDGED_STATES
+from .reader import FORMAT, FORMAT_VERSION, JUDGED_STATES, VERSION_OF_PAIRS
 from .standing import DensityCurve, curves_standing
 
 SQUEEZE = {"compression": "gzip", "shuffle": True, "fletcher32": True}
@@ -38,10 +39,12 @@ PACKAGES = ("numpy", "scipy", "pandas", "h5py", "matplotlib")
 class CampaignInfo:
     """What results.h5 states of a campaign beside its runs; every field may be left out.
 
-    name; config: the TOML file's text; settings: every key with its default; pairs (n, 2) of mu_s and G_p (Pa) and
-    their source; marginals {"mu_s": fits, "G_p": fits}, best first, and copulas, best first, as objects or as their
-    dicts; joint: the joint distribution or its dict; point_attrs: how the points were made (method, seed, discrepancy);
-    versions: name -> text, beside those of the packages; warnings: sentences about the pairs and their fits.
+    name; config: the TOML file's text; settings: every key with its default; pairs (n, d) of the random variables in SI
+    units, such as mu_s and G_p (Pa), and their source; marginals {symbol: fits}, best first, and copulas, best first,
+    as objects or as their dicts; joint: the joint distribution or its dict; specified: the dictionary of
+    `inputs.SpecifiedInputs` if distributions were given in place of pairs, and pairs_behind, the number of measurements
+    behind them (0: not known); point_attrs: how the points were made (method, seed, discrepancy); versions: name ->
+    text, beside those of the packages; warnings: sentences about the inputs and their fits.
     """
 
     name: str = ""
@@ -52,6 +55,8 @@ class CampaignInfo:
     marginals: Mapping[str, Sequence[Any]] = field(default_factory=dict)
     copulas: Sequence[Any] = ()
     joint: Joint | Mapping[str, Any] | None = None
+    specified: Mapping[str, Any] = field(default_factory=dict)
+    pairs_behind: int = 0
     point_attrs: Mapping[str, Any] = field(default_factory=dict)
     versions: Mapping[str, str] = field(default_factory=dict)
     warnings: Sequence[str] = ()
@@ -72,11 +77,12 @@ def build_results(
 
     Returns the path of results.h5.
 
-    plan: frame run_id, stage, family, point, packing, mu_iso, mu_s, G_p (Pa), product (path), start; optionally status,
-    "spared" for runs that need no product: points without any are filled by regression and marked.
+    plan: frame run_id, stage, family, point, packing, mu_iso, mu_s, G_p (Pa), further random variables of the points,
+    product (path), start; optionally status, "spared" for runs that need no product: points without any are filled by
+    regression and marked.
     max_lost_probability: probability that failed runs may take from a density.  pdf_method: "exact" or "tvd", on so
-    many cells.  input_bootstrap: resamples of the pairs under which the points get other probabilities, for bands
-    (needs the joint distribution); each chooses among the families of marginals and copulas that were fitted.
+    many cells.  input_bootstrap: refits of the inputs (`inputs.measurements`) under which the points get other
+    probabilities, for bands (needs the joint distribution, and pairs or `pairs_behind`).
 
     Raises ResponsesError or RunFileError, and writes nothing, if a product is missing, truncated or was run with other
     parameters than the plan's, or if failed runs take more than max_lost_probability from a density.
@@ -94,22 +100,26 @@ def build_results(
     with atomic_write(target) as part, write_hdf5(part) as file:
         file.attrs["max_lost_probability"] = max_lost_probability
         _write_head(file, points, info, collected)
-        if input_bootstrap and info.joint:
-            joint = info.joint if isinstance(info.joint, Joint) else Joint.from_dict(dict(info.joint))
-            candidates = Candidates.tried(info.marginals, info.copulas)
-            probability = bootstrap_probabilities(info.pairs, joint, points.x, input_bootstrap, candidates=candidates)
-            file["inputs/bootstrap_probability"] = probability
+        if input_bootstrap and (refitted := refitted_joints(_inputs(info), info.pairs, input_bootstrap)):
+            file["inputs/bootstrap_probability"] = probabilities_under(refitted, points.x)
         for density in collected.densities:
             _write_density(file, density, collected.strain, pdf_method, cells)
         _write_table(file.create_group("runs"), collected.runs)
     return target
 
 
+def _inputs(info: CampaignInfo) -> dict[str, Any]:
+    """What the refits of the inputs need, as results.h5 and inputs.json hold it."""
+    joint = info.joint.to_dict() if isinstance(info.joint, Joint) else info.joint
+    fits = {"marginals": info.marginals, "copulas": info.copulas}
+    return {"joint": joint, "specified": info.specified, "pairs_behind": info.pairs_behind, **fits}
+
+
 def _write_head(file: h5py.File, points: RepresentativePoints, info: CampaignInfo, collected: Collected) -> None:
     versions = {"python": platform.python_version(), **{name: _version(name) for name in PACKAGES}}
     file.attrs.update(
         format=FORMAT,
-        format_version=FORMAT_VERSION,
+        format_version=VERSION_OF_PAIRS if points.variables == points.names == NEEDED else FORMAT_VERSION,
         campaign=info.name,
         config=info.config,
         settings=json.dumps(dict(info.settings)),
@@ -119,9 +129,13 @@ def _write_head(file: h5py.File, points: RepresentativePoints, info: CampaignInf
     inputs = file.create_group("inputs")
     inputs["pairs"] = np.asarray(info.pairs, float)
     inputs.attrs["source"] = str(info.source)
-    fits = {"marginals": dict(info.marginals), "copulas": list(info.copulas), "joint": info.joint or {}}
+    fits: dict[str, Any] = {"marginals": dict(info.marginals), "copulas": list(info.copulas), "joint": info.joint or {}}
     if info.warnings:
         fits["warnings"] = list(info.warnings)
+    if info.specified:
+        fits |= {"specified": dict(info.specified), "pairs_behind": info.pairs_behind}
+    if points.names != NEEDED or points.constants:
+        fits |= {"names": list(points.names), "constants": dict(points.constants)}
     for name, value in fits.items():
         inputs.attrs[name] = json.dumps(value, default=_jsonable)
     _write_table(file.create_group("points"), points.to_frame())

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +19,16 @@ from ..quantities import STAGE_STATES
 from ..runs import run_file
 from ..runs.archive import NOTHING, RunSummary, run_summary
 from ..runs.states import RunStates
-from ..surrogates.surrogate import FEWEST_FITTED, fill
+from ..surrogates.basis import fewest_fitted
+from ..surrogates.surrogate import fill
 from .peaks import PooledPeaks, peak_states, pool_peaks
 
-PROPERTIES = ("mu_s", "G_p")
 COLUMNS = ("run_id", "stage", "family", "point", "packing", "mu_iso", "mu_s", "G_p", "product")
 #: Parameters of a product that must be those of the plan, by stage.
 CHECKED = {"consolidate": ("G_p", "mu_iso"), "shear": ("mu_s", "G_p", "mu_iso"), "probe": ("mu_s", "G_p", "mu_iso")}
+#: Further variables, of all stages, that must be those of the plan if it has their column; a product has the width of
+#: its grains as they are for sigma_ln, not the one that was asked for.
+ALSO_CHECKED = ("nu", "sigma_3", "d50")
 
 
 class ResponsesError(GrainScatterError):
@@ -96,7 +99,7 @@ def collect(
     parameters that are not the plan's, a plan without needed columns, or points that are unknown.  Rows whose status in
     the plan (an optional column) is "spared" need no product; a regression fills their points.
     """
-    missing = [name for name in COLUMNS if name not in plan.columns]
+    missing = [name for name in dict.fromkeys((*COLUMNS, *points.names)) if name not in plan.columns]
     if missing or len(plan) == 0:
         raise ResponsesError(f"plan of {len(plan)} runs lacks the columns {missing}" if missing else "plan has no runs")
     planned = list(plan.itertuples(index=False))
@@ -153,8 +156,10 @@ def _read_failure(path: Path) -> dict[str, Any]:
 def _check(run, row):
     if run.stage != row.stage:
         raise ResponsesError(f"{run.path}: is a {run.stage} run, the plan wants {row.stage}")
-    for name in CHECKED.get(row.stage, ()):
-        planned, used = float(getattr(row, name)), float(run.parameters.get(name, np.nan))
+    for name in (*CHECKED.get(row.stage, ()), *ALSO_CHECKED):
+        planned, used = float(getattr(row, name, np.nan)), float(run.parameters.get(name, np.nan))
+        if np.isnan(planned) and name in ALSO_CHECKED:
+            continue
         if not np.isclose(planned, used, rtol=1e-6, atol=0):
             raise ResponsesError(f"run {row.run_id}: {name} = {used:g} in {run.path.name}, the plan has {planned:g}")
 
@@ -178,17 +183,19 @@ def _family_points(family: str, plan: pd.DataFrame, points: RepresentativePoints
         raise ResponsesError(f"{family}: the plan's points {unknown} are not among the {len(points)} points")
     planned = np.isin(points.id, used.index)
     number = points.id[planned]
-    x = np.column_stack([used.loc[number, name].to_numpy(float) for name in PROPERTIES])
+    x = np.column_stack([used.loc[number, name].to_numpy(float) for name in points.names])
     nearest = _nearest(points.x, x)
     probability = np.bincount(nearest, weights=points.probability, minlength=len(number))
-    family_points = RepresentativePoints(x, weighted.normalised(probability), id=number)
+    family_points = replace(
+        points, x=x, probability=weighted.normalised(probability), id=number, discrepancy=(), moment_errors=()
+    )
     return PlannedFamily(family, family_points, nearest, float(points.probability[planned].sum()))
 
 
 def _nearest(x, planned):
-    """Place (n,) of the planned point (Q, 2) that is nearest to each point x (n, 2)."""
+    """Place (n,) of the planned point (Q, d) that is nearest to each point x (n, d)."""
     varying = np.ptp(planned, axis=0) > 0
-    columns = varying if varying.any() else np.ones(len(PROPERTIES), bool)
+    columns = varying if varying.any() else np.ones(x.shape[1], bool)
     logs, planned_logs = np.log(x[:, columns]), np.log(planned[:, columns])
     scale = np.where(logs.std(axis=0) > 0, logs.std(axis=0), 1.0)
     return cKDTree(planned_logs / scale).query(logs / scale)[1]
@@ -285,7 +292,7 @@ def _not_run(stage, rows, points, spared):
 
 def _fill(points, values, filled, packing):
     """Values (T, Q) with those of the filled points from the model through the others, if there is one."""
-    if not filled.any() or np.isfinite(values).sum(axis=1).min() < FEWEST_FITTED:
+    if not filled.any() or np.isfinite(values).sum(axis=1).min() < fewest_fitted(points.x.shape[1]):
         return values
     return np.where(filled, fill(points.x, values, packing)[0], values)
 

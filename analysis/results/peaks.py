@@ -1,9 +1,9 @@
 """Peak states of a density, estimated from all its points together.
 
 The largest value of a noisy curve is too large.  Therefore the strain of a peak is taken from curves that are pooled
-over the points by a regression over (ln mu_s, ln G_p) and smoothed along ln strain, and each run gives its own smoothed
-value at that strain.  What is left of the bias is estimated by a parametric bootstrap and subtracted: noise as it was
-measured is added to the pooled curves, and the peaks of these are estimated in the same way.
+over the points by a regression over the logarithms of the inputs and smoothed along ln strain, and each run gives its
+own smoothed value at that strain.  What is left of the bias is estimated by a parametric bootstrap and subtracted:
+noise as it was measured is added to the pooled curves, and the peaks of these are estimated in the same way.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..runs.peak_critical import admissible, error_of_fit, local_fits, log_smoother
+from ..surrogates.basis import fewest_runs
 
 #: Points with a run below which peaks are not pooled; the peak of each single run is kept.
 FEWEST = 5
@@ -42,7 +43,7 @@ class PooledPeaks:
 
 
 def pool_peaks(strain: np.ndarray, eta: np.ndarray, inputs: np.ndarray, packing: np.ndarray) -> PooledPeaks | None:
-    """Peaks of points at the inputs (Q, 2) [mu_s, G_p in Pa] from their stress ratios eta (T, Q) over strain (T,).
+    """Peaks of points at the inputs (Q, d) from their stress ratios eta (T, Q) over strain (T,).
 
     packing (Q,): that of each point; in the bootstrap, the points of a packing share its noise.  A column of eta that
     is not finite is a point without a run.  None if fewer than FEWEST points have a run.
@@ -132,12 +133,21 @@ def correlation_root(strain: np.ndarray, length: float) -> np.ndarray:
 
 
 def _basis(inputs: np.ndarray, runs: int) -> np.ndarray:
-    """Polynomials (Q, M) of the standardised ln mu_s and ln G_p: the fewer, the fewer runs there are."""
+    """Polynomials (Q, M) of the standardised logarithms of the inputs: the fewer, the fewer runs there are.
+
+    1, a and a^2 of the first input always; the others in a line from `fewest_runs` runs on; and a^3 and a b, with the
+    second input b, from twice as many on.
+    """
     logs = np.log(inputs)
     scale = logs.std(axis=0)
-    a, b = ((logs - logs.mean(axis=0)) / np.where(scale > 1e-9, scale, 1.0)).T
-    columns = [np.ones(len(a)), a, a**2, b, a * b, a**3]
-    return np.column_stack(columns[: 6 if runs >= 24 else 4 if runs >= 12 else 3])
+    a, *others = ((logs - logs.mean(axis=0)) / np.where(scale > 1e-9, scale, 1.0)).T
+    needed = fewest_runs(inputs.shape[1])
+    columns = [np.ones(len(a)), a, a**2]
+    if runs >= needed:
+        columns += others
+    if runs >= 2 * needed:
+        columns += [a * b for b in others[:1]] + [a**3]
+    return np.column_stack(columns)
 
 
 def _peak_rows(curves, rows):

@@ -14,7 +14,7 @@ from __future__ import annotations
 import json
 import numbers
 import warnings
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,16 +25,19 @@ import numpy as np
 import pandas as pd
 
 from ..errors_and_files import GrainScatterError, one_line, open_hdf5
+from ..inputs.variables import NEEDED
 from ..pdem import weighted
 from ..pdem.pdf import PDF
 from ..points.representative_points import RepresentativePoints
 from ..quantities import CONSOLIDATED, QUANTITIES, STAGE_STATES, Quantity
 from .standing import PROVEN, Standing, curves_standing
 
-FORMAT, FORMAT_VERSION = "campaign-results", 4
+FORMAT, FORMAT_VERSION = "campaign-results", 5
+#: A file whose random variables are mu_s and G_p has this version, so that earlier readers can read it.
+VERSION_OF_PAIRS = 4
 #: Versions that can be read.  In version 3 all points have the first packing of the campaign, and the others are
 #: replicates at some points, from which the offset of the first one was estimated and subtracted.
-READABLE = (3, FORMAT_VERSION)
+READABLE = (3, VERSION_OF_PAIRS, FORMAT_VERSION)
 STATES = ("initial", "peak", "critical", "probe")
 #: States that a test may not reach.
 JUDGED_STATES = ("peak", "critical")
@@ -45,7 +48,7 @@ RENAMED_RUN_COLUMNS = {"drift_eta": "critical_drift_eta", "drift_e": "critical_d
 
 
 #: Columns without which a table of the file is of no use.
-POINT_COLUMNS = ("mu_s", "G_p", "probability", "id")
+POINT_COLUMNS = ("probability", "id")
 RUN_COLUMNS = ("run_id", "stage", "family", "mu_iso", "point", "packing", "status", "reason")
 
 
@@ -118,7 +121,7 @@ class Results:
     """A campaign's results: tables in memory; responses and states are read from the file on demand.
 
     `strain` (T,); `densities` are the mu_iso of all families; `points` the representative points; `runs` one row per
-    run; `pairs` (n, 2) of mu_s and G_p (Pa); `inputs` the fitted distributions; `diameters` (N,) m.
+    run; `pairs` (n, d) of the random variables (SI units); `inputs` the distributions; `diameters` (N,) m.
     """
 
     path: Path
@@ -149,7 +152,7 @@ class Results:
         """The points of a family, with the properties that its runs have."""
         with self._open() as file:
             self._densities(file, family)
-            return _points(file[f"families/{family}/points"])
+            return _points(file[f"families/{family}/points"], self.points.names, self.points.constants)
 
     def probability(self, mu_iso: float, family: str = "coupled") -> np.ndarray:
         """Probabilities (Q,) of the points at a density, of sum 1; zero where a point has no run."""
@@ -406,7 +409,8 @@ def _read(path: Path, file: h5py.File) -> Results:
         raise ResultsError(f"{path}: format {name} version {version}, want {FORMAT!r} version {FORMAT_VERSION}")
     for name in ("versions", "settings"):
         attrs[name] = _json(path, name, attrs.get(name, "{}"), dict)
-    kinds = {"marginals": dict, "copulas": list, "joint": dict, "warnings": list}
+    kinds = {"marginals": dict, "copulas": list, "joint": dict, "warnings": list, "specified": dict, "names": list,
+             "constants": dict, "pairs_behind": int}  # fmt: skip
     inputs = _plain(file["inputs"].attrs)
     inputs |= {name: _json(path, name, text, kinds.get(name)) for name, text in inputs.items() if name != "source"}
     return Results(
@@ -415,7 +419,7 @@ def _read(path: Path, file: h5py.File) -> Results:
         strain=file["strain"][()],
         densities=tuple(file["densities"][()].tolist()),
         families=tuple(file["families"]),
-        points=_points(file["points"]),
+        points=_points(file["points"], inputs.get("names", NEEDED), inputs.get("constants", {})),
         runs=_frame(file["runs"], RUN_COLUMNS).rename(columns=RENAMED_RUN_COLUMNS),
         pairs=file["inputs/pairs"][()],
         inputs=inputs | {"points": _plain(file["points"].attrs)},
@@ -424,10 +428,13 @@ def _read(path: Path, file: h5py.File) -> Results:
     )
 
 
-def _points(group: h5py.Group) -> RepresentativePoints:
-    columns = _frame(group, POINT_COLUMNS)
-    x = columns[["mu_s", "G_p"]].to_numpy(float)
-    return RepresentativePoints(x, columns["probability"].to_numpy(), id=columns["id"].to_numpy())
+def _points(group: h5py.Group, names: Sequence[str], constants: Mapping[str, float]) -> RepresentativePoints:
+    """The points of a table whose random variables are `names`; the other variables are `constants`."""
+    columns = _frame(group, (*names, *POINT_COLUMNS))
+    x, number = columns[list(names)].to_numpy(float), columns["id"].to_numpy()
+    return RepresentativePoints(
+        x, columns["probability"].to_numpy(), id=number, names=tuple(names), constants=constants
+    )
 
 
 def _frame(group: h5py.Group, needed: tuple[str, ...]) -> pd.DataFrame:

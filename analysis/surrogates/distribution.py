@@ -55,9 +55,9 @@ def moments_and_quantiles(
     n: int = 400,
     rng: np.random.Generator | None = None,
 ) -> Distribution:
-    """Distribution of every row of the model over samples (m, 2) of the inputs, or points with probability (m,).
+    """Distribution of every row of the model over samples (m, d) of the inputs, or points with probability (m,).
 
-    refits: for the error of the inputs, either samples (B, m, 2) of refitted distributions (common random numbers
+    refits: for the error of the inputs, either samples (B, m, d) of refitted distributions (common random numbers
     reduce the scatter) or probabilities (B, m) of the same points; pairs: the number of measured pairs behind them.
     The bootstrap of few pairs is too narrow: the deviations of the refits are multiplied by Student's t over the normal
     quantile, and by sqrt(n / (n - 1)), with n pairs.

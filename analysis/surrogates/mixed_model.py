@@ -1,8 +1,7 @@
 """The mixed model y = f(inputs) + packing + own noise, fitted to many rows (strains, responses) at once.
 
-f is a trend (a plane in the standardised logarithms of the inputs, bent along friction) plus a Gaussian process, which
-follows curvature, kinks and plateaus as far as the runs show them.  The process is represented by its values at knots
-(natural cubic splines between them), so that every draw of f is a vector of coefficients.  The trend has a flat prior;
+f is a trend plus a Gaussian process, both in the basis of `basis`, so that every draw of f is a vector of coefficients.
+The trend has a flat prior;
 the trend and the variance of the own noise are integrated out in closed form (restricted likelihood; scaled inverse
 chi-square).  The other hyperparameters have a grid: the variance of packings, the growth of the own noise along
 friction, the variance of the process and its kernel.  The matrices depend on the grid only, so that one set of them
@@ -19,18 +18,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike
-from scipy import interpolate, stats
+from scipy import stats
 
-#: Standard deviations (of the logarithms of the inputs) by which the trend is continued beyond the runs.
-MARGIN = 1.0
-#: Columns of the trend: 1, u1, u2 and u1^2, the last from a number of runs on.
-TREND, FEWEST_BENT = 4, 12
-#: Knots along u1 and u2.
-KNOTS = (13, 9)
-#: Kernels and correlation lengths in standard deviations.  Smooth (squared exponential) or rough (Matern 3/2, which
-#: follows kinks) along u1 and u2, alone and together; oblique: rough along the two diagonals.
-KERNELS = (("smooth", 1.5), ("smooth", 4.0), ("rough", 0.7), ("rough", 2.0), ("oblique", 0.7))
+from .basis import KERNELS, basis_of, fewest_runs
+
 #: Mean variance at the runs that the process adds to the trend, over that of the own noise.
 CURVATURES = np.array([0.0, *np.geomspace(0.01, 1e6, 17)])
 #: Edges of B = 1 / (1 + m lambda_b), with m runs per packing (sums of 1 / D) and lambda_b the variance of packings
@@ -43,92 +34,6 @@ SMALL_SHRINKAGE = 2.0 ** np.arange(-30, -5, 1.5)
 GROWTHS, GROWTH_PRIOR = (-0.6, -0.3, 0.0, 0.3, 0.6), (0.1, 0.2, 0.4, 0.2, 0.1)
 #: Weight of cells, over the largest of a row, below which they are left out.
 _NEGLIGIBLE = 1e-6
-#: Eigenvalues of the process, over the largest, below which its features are left out.
-_SMALLEST = 1e-7
-
-
-@dataclass(frozen=True)
-class Basis:
-    """Basis functions of f: 1, two coordinates u, u1^2, and the process's values at the knots of a grid over u.
-
-    u1 is the standardised ln mu_s, and u2 the standardised rest of ln G_p after its regression on ln mu_s, so that the
-    runs fill the grid although the inputs depend on each other: u = (ln x - centre) to_u.  low, high (2,) are the range
-    of u of the runs.  Beyond it the process keeps its value at the bound; the plane goes on by MARGIN and is constant
-    from there.  runs (Q,): u1 of the runs.
-    """
-
-    centre: np.ndarray
-    to_u: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    runs: np.ndarray
-
-    @property
-    def knots(self) -> list[np.ndarray]:
-        """Knots of u along each coordinate; one where it does not vary."""
-        return [np.linspace(a, b, k if b > a else 1) for a, b, k in zip(self.low, self.high, KNOTS, strict=True)]
-
-    @property
-    def size(self) -> int:
-        """Number M of basis functions."""
-        return TREND + len(self.knots[0]) * len(self.knots[1])
-
-    def __call__(self, inputs: ArrayLike) -> np.ndarray:
-        """Values (n, M) at the inputs (n, 2); inputs that are not positive count as very small."""
-        u = (np.log(np.maximum(np.asarray(inputs, float), 1e-300)) - self.centre) @ self.to_u
-        margin = np.where(self.high > self.low, MARGIN, 0.0)
-        within, inside = np.clip(u, self.low - margin, self.high + margin), np.clip(u, self.low, self.high)
-        one, two = (_cardinal(k, v) for k, v in zip(self.knots, inside.T, strict=True))
-        products = (one[:, :, None] * two[:, None, :]).reshape(len(u), -1)
-        return np.column_stack([np.ones(len(u)), within, inside[:, 0] ** 2, products])
-
-    def growth(self, u1: np.ndarray, growth: np.ndarray) -> np.ndarray:
-        """Own noise (T, n) at u1 (n,) over its root mean square over the runs, for growth (T,)."""
-        mean_square = np.mean(np.exp(2 * np.outer(growth, self.runs)), axis=1, keepdims=True)
-        return np.exp(np.outer(growth, u1)) / np.sqrt(mean_square)
-
-    def features(self, kernel: str, length: float) -> np.ndarray:
-        """Factor (knots, k) of the covariance of the process at the knots: F F' with the least important left out."""
-        first, second = (part.ravel() for part in np.meshgrid(*self.knots, indexing="ij"))
-        if kernel == "oblique":
-            first, second = (first + second) / np.sqrt(2), (first - second) / np.sqrt(2)
-        one, two = (_correlation(kernel, np.abs(axis[:, None] - axis) / length) for axis in (first, second))
-        covariance = one + two if kernel == "oblique" else (1.0 + one) * (1.0 + two)
-        value, vector = np.linalg.eigh(covariance)
-        kept = value > _SMALLEST * value.max()
-        return vector[:, kept] * np.sqrt(value[kept])
-
-
-def _correlation(kernel: str, distance: np.ndarray) -> np.ndarray:
-    """Correlation at a distance in correlation lengths."""
-    if kernel == "smooth":
-        return np.exp(-0.5 * distance**2)
-    return (1.0 + np.sqrt(3.0) * distance) * np.exp(-np.sqrt(3.0) * distance)
-
-
-def basis_of(inputs: np.ndarray) -> Basis:
-    """The basis for runs at the inputs (Q, 2)."""
-    logs = np.log(inputs)
-    centre = logs.mean(axis=0)
-    one, two = (logs - centre).T
-    slope = one @ two / (one @ one) if _varies(one, centre[0]) else 0.0
-    rest = two - slope * one
-    varies = np.array([_varies(one, centre[0]), _varies(rest, centre[1])])
-    scale = np.where(varies, [one.std(), rest.std()], np.inf)
-    to_u = np.array([[1.0, -slope], [0.0, 1.0]]) / scale
-    u = (logs - centre) @ to_u
-    return Basis(centre, to_u, u.min(axis=0), u.max(axis=0), u[:, 0])
-
-
-def _varies(off: np.ndarray, centre: float) -> bool:
-    return bool(off.std() > 1e-9 * max(abs(centre), 1.0))
-
-
-def _cardinal(knots: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Natural cubic splines (n, k) that are one at one knot and zero at the others."""
-    if len(knots) == 1:
-        return np.ones((len(z), 1))
-    return interpolate.CubicSpline(knots, np.eye(len(knots)), bc_type="natural")(z)
 
 
 @dataclass(frozen=True)
@@ -164,18 +69,19 @@ class Kernel:
 
 @lru_cache(maxsize=2)
 def grid(inputs: bytes, known: bytes, packing: bytes, small: bool) -> tuple[Noise, ...]:
-    """The grid for runs at the inputs (Q, 2; float), those known (Q; bool), with packing (Q'; int; empty: one).
+    """The grid for runs at the inputs (Q, d; float), those known (Q; bool), with packing (Q'; int; empty: one).
 
     The arguments are the bytes of the arrays, so that responses with the same runs share a grid.
     """
     labels = np.frombuffer(packing, int)
-    points = np.frombuffer(inputs).reshape(-1, 2)
+    mask = np.frombuffer(known, bool)
+    points = np.frombuffer(inputs).reshape(len(mask), -1)
     basis = basis_of(points)
-    columns = basis(points[np.frombuffer(known, bool)])
+    columns = basis(points[mask])
     count = len(columns)
     varying = basis.high > basis.low
-    varies = np.flatnonzero([True, *varying, varying[0] and count >= FEWEST_BENT])
-    trend, process = columns[:, varies], columns[:, TREND:]
+    varies = np.flatnonzero([True, *varying, varying[0] and count >= fewest_runs(points.shape[1])])
+    trend, process = columns[:, varies], columns[:, basis.trend :]
     off_trend = np.eye(count) - trend @ np.linalg.pinv(trend)
     features = []
     for kernel, length in KERNELS:
@@ -204,20 +110,20 @@ def grid(inputs: bytes, known: bytes, packing: bytes, small: bool) -> tuple[Nois
             whitened = white - to_trend.T @ to_trend
             log = np.log(share) + 0.5 * np.log(inverse).sum() + 0.5 * np.log(left).sum()
             log += np.log(np.log(high / low)) - np.log(np.diag(root)).sum()
-            kernels = tuple(_kernel(log, process @ f, f, whitened, to_trend, flat, varies) for f in features)
+            kernels = tuple(_kernel(log, process @ f, f, whitened, to_trend, flat, varies, basis) for f in features)
             parts.append(Noise((low, high), per_packing, growth, whitened, to_trend, kernels))
     return tuple(parts)
 
 
-def _kernel(log, phi, factor, whitened, to_trend, flat, varies):
+def _kernel(log, phi, factor, whitened, to_trend, flat, varies, basis):
     """The `Kernel` with the features phi (Q, k) of the process at the runs and factor (knots, k) at the knots."""
     value, vector = np.linalg.eigh(phi.T @ whitened @ phi)
     value = np.maximum(value, 0.0)
     mixed, p = vector.T @ phi.T, len(flat)
-    to = np.zeros((p + len(value), TREND + len(factor)))
+    to = np.zeros((p + len(value), basis.size))
     to[:p, varies] = flat
     to[p:, varies] = -(mixed @ to_trend.T) @ flat
-    to[p:, TREND:] = vector.T @ factor.T
+    to[p:, basis.trend :] = vector.T @ factor.T
     more = CURVATURES[:, None] * value
     log = log + np.log(_curvature_prior(len(phi))) - 0.5 * np.log1p(more).sum(axis=1)
     return Kernel(log, mixed @ whitened, CURVATURES[:, None] / (1.0 + more), to)
@@ -303,7 +209,7 @@ class Posterior:
 
 
 def posterior(inputs: np.ndarray, known: np.ndarray, packing: np.ndarray | None, values: np.ndarray) -> Posterior:
-    """Posterior of values (T, Q') of the known runs (Q,) at the inputs (Q, 2).
+    """Posterior of values (T, Q') of the known runs (Q,) at the inputs (Q, d).
 
     packing (Q',): codes of the packings; None if they cannot be separated from the own noise or the mean.
     """

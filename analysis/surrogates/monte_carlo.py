@@ -22,7 +22,7 @@ def monte_carlo(
     noise: ArrayLike | None = None,
     rng: np.random.Generator | None = None,
 ) -> PDF:
-    """PDF of a response along strain from samples (n, 2) of (mu_s, G_p [Pa]) and a Surrogate: denoised without `noise`.
+    """PDF of a response along strain from samples (n, d) of the inputs and a Surrogate: denoised without `noise`.
 
     strain (T,).  The cells are those of `like`, extended if samples fall outside, or else `cells` equal ones over the
     range.  noise (T,), e.g. `surface.noise`, adds a normal scatter of that standard deviation to every sample,

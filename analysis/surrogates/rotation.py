@@ -16,7 +16,7 @@ _SWEEPS, _SWEPT = 4, 2000
 
 
 def nested_order(inputs: ArrayLike) -> np.ndarray:
-    """Order (Q,) of points (Q, 2) in which every first part covers their range.
+    """Order (Q,) of points (Q, d) in which every first part covers their range.
 
     The order begins at the middle; each next point is the one farthest from those before it, in the standardised
     logarithms of the inputs.
@@ -32,7 +32,7 @@ def nested_order(inputs: ArrayLike) -> np.ndarray:
 
 
 def deal(inputs: ArrayLike, packings: int) -> np.ndarray:
-    """Packing (Q,), from 0 to min(packings, Q) - 1, of each of the points (Q, 2).
+    """Packing (Q,), from 0 to min(packings, Q) - 1, of each of the points (Q, d).
 
     The points are taken in their nested order in blocks of as many points as there are packings; within a block every
     packing has one point.  Which one it has maximises the sum of the distances between the points of the same packing

@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike
 from scipy.stats import qmc
 
 from . import surrogate
-from .surrogate import FEWEST_PACKINGS, FEWEST_RUNS, Surrogate
+from .basis import fewest_runs
+from .surrogate import FEWEST_PACKINGS, Surrogate
 
 #: (state, quantity) of the responses by which a campaign is judged, at every density of the soil.
 JUDGED = (("peak", "eta"), ("critical", "eta"), ("critical", "e"))
@@ -29,8 +30,12 @@ SAFETY = 1.1
 class InputDistribution(Protocol):
     """What the rule needs of the joint distribution of the inputs; `inputs.Joint` has it."""
 
+    @property
+    def dimension(self) -> int:
+        """Number of variables d."""
+
     def inverse_rosenblatt(self, w: np.ndarray) -> np.ndarray:
-        """Independent uniforms (n, 2) to points (n, 2) of the distribution."""
+        """Independent uniforms (n, d) to points (n, d) of the distribution."""
 
 
 @dataclass(frozen=True)
@@ -66,18 +71,19 @@ def assess(
     rng: np.random.Generator | None = None,
     confidence: float = 0.95,
 ) -> Assessment:
-    """Assess the runs so far: inputs (Q, 2), responses {name: (Q,) or (T, Q)}, NaN where a run failed, packing (Q,).
+    """Assess the runs so far: inputs (Q, d), responses {name: (Q,) or (T, Q)}, NaN where a run failed, packing (Q,).
 
-    samples (n, 2) from the joint inputs, n >= 200 (best: `judged_samples`); stop_when: target error, "2%" or 0.02.  The
+    samples (n, d) from the joint inputs, n >= 200 (best: `judged_samples`); stop_when: target error, "2%" or 0.02.  The
     claimed error of a response is 1.1 times the `confidence` quantile over 200 draws at its worst strain.  It is
-    infinite with fewer than 12 usable runs, and with fewer than 3 packings: what all runs share is then not known.
-    Raises ValueError for another stop_when.
+    infinite with fewer usable runs than `fewest_runs(d)`, 12 for d = 2, and with fewer than 3 packings: what all runs
+    share is then not known. Raises ValueError for another stop_when.
     """
     target = parse_target(stop_when)
     rng = np.random.default_rng(0) if rng is None else rng
     rows = {name: np.atleast_2d(np.asarray(values, float)) for name, values in responses.items()}
     runs = {name: int(np.isfinite(values).sum(axis=1).min()) for name, values in rows.items()}
-    usable = {name: values for name, values in rows.items() if runs[name] >= FEWEST_RUNS}
+    needed = fewest_runs(np.shape(inputs)[1])
+    usable = {name: values for name, values in rows.items() if runs[name] >= needed}
     packings = 1 if packing is None else len(np.unique(packing))
     claimed, loo = dict.fromkeys(rows, float("inf")), dict.fromkeys(rows, float("inf"))
     if usable:
@@ -88,9 +94,7 @@ def assess(
             claimed[name], loo[name] = float(errors[begin:end].max()), float(residuals[begin:end].max())
     unknown = ""
     if len(usable) < len(rows):
-        unknown = (
-            f"{min(runs, key=lambda name: runs[name])} has {min(runs.values())} runs, and {FEWEST_RUNS} are needed"
-        )
+        unknown = f"{min(runs, key=lambda name: runs[name])} has {min(runs.values())} runs, and {needed} are needed"
     if packings < FEWEST_PACKINGS:
         claimed = dict.fromkeys(rows, float("inf"))
         unknown = f"the runs use {packings} packing{'s' * (packings > 1)}, and {FEWEST_PACKINGS} are needed"
@@ -110,9 +114,9 @@ def parse_target(stop_when: str | float | None) -> float:
     return value
 
 
-def first_batch(points: int) -> int:
-    """Number of points in the first batch of a campaign with this number of points."""
-    return min(points, max(FEWEST_RUNS, math.ceil(points / 8)))
+def first_batch(points: int, d: int = 2) -> int:
+    """Number of points in the first batch of a campaign with this number of points and d random inputs."""
+    return min(points, max(fewest_runs(d), math.ceil(points / 8)))
 
 
 def next_batch(used: int, points: int) -> int:
@@ -121,8 +125,8 @@ def next_batch(used: int, points: int) -> int:
 
 
 def judged_samples(joint: InputDistribution, n: int = 1024) -> np.ndarray:
-    """Samples (n, 2) of the joint inputs for `assess`, n a power of 2: Sobol' points mapped to the distribution."""
-    return joint.inverse_rosenblatt(qmc.Sobol(2, seed=1).random(n))
+    """Samples (n, d) of the joint inputs for `assess`, n a power of 2: Sobol' points mapped to the distribution."""
+    return joint.inverse_rosenblatt(qmc.Sobol(joint.dimension, seed=1).random(n))
 
 
 def judged_name(state: str, symbol: str, mu_iso: float) -> str:

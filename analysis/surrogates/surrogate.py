@@ -1,4 +1,4 @@
-"""One model for every response, state and strain: y = f(mu_s, G_p) + packing + own noise of a run.
+"""One model for every response, state and strain: y = f(inputs) + packing + own noise of a run.
 
 The fit separates what the inputs do (f, "denoised") from what the packing and the run add.  It gives f with its error,
 and the standard deviations of both kinds of noise with their intervals (`mixed_model` has the equations).
@@ -13,9 +13,8 @@ from numpy.typing import ArrayLike
 
 from ..errors_and_files import GrainScatterError
 from . import mixed_model
+from .basis import Basis, fewest_fitted
 
-#: Runs below which no error is claimed from a response surface, and runs below which none is fitted.
-FEWEST_RUNS, FEWEST_FITTED = 12, 5
 #: Packings below which the error that the runs share through their packings is not judged.
 FEWEST_PACKINGS = 3
 LEVEL = 0.95
@@ -34,7 +33,7 @@ class Draws:
     (n, T): the own noise is proportional to exp(growth u1), with u1 the standardised ln mu_s.
     """
 
-    basis: mixed_model.Basis
+    basis: Basis
     coefficients: np.ndarray
     noise_packing: np.ndarray
     noise_own: np.ndarray
@@ -50,7 +49,7 @@ class Draws:
         return Draws(self.basis, self.coefficients[k], self.noise_packing[k], self.noise_own[k], self.growth[k])
 
     def predict(self, inputs: ArrayLike) -> np.ndarray:
-        """f (n, T, m) at the inputs (m, 2)."""
+        """f (n, T, m) at the inputs (m, d)."""
         return self.coefficients @ self.basis(inputs).T
 
 
@@ -67,7 +66,7 @@ class Surrogate:
     (T,) their root mean square.
     """
 
-    basis: mixed_model.Basis
+    basis: Basis
     coefficients: np.ndarray
     packings: int
     noise_packing: np.ndarray
@@ -87,7 +86,7 @@ class Surrogate:
         return self.packings >= FEWEST_PACKINGS
 
     def predict(self, inputs: ArrayLike) -> np.ndarray:
-        """Mean of f (T, n) at the inputs (n, 2) [mu_s, G_p in Pa]."""
+        """Mean of f (T, n) at the inputs (n, d)."""
         return self.coefficients @ self.basis(inputs).T
 
     def draws(self, n: int, rng: np.random.Generator) -> Draws:
@@ -96,23 +95,24 @@ class Surrogate:
 
 
 def fit(inputs: ArrayLike, values: ArrayLike, packing: ArrayLike | None = None) -> Surrogate:
-    """Model of runs at the inputs (Q, 2) [mu_s, G_p in Pa] with the values (T, Q) or (Q,).
+    """Model of runs at the inputs (Q, d), such as mu_s and G_p in Pa, with the values (T, Q) or (Q,).
 
     packing (Q,): the packing of each run, any labels; None: one packing for all.  A run without a value (NaN) is left
-    out at that row.  Raises SurrogateError for fewer than 5 runs at a row, arrays that do not match, or inputs that are
-    not positive.
+    out at that row.  Raises SurrogateError for fewer than `fewest_fitted` runs at a row, arrays that do not match, or
+    inputs that are not positive.
     """
     inputs, values = np.asarray(inputs, float), np.atleast_2d(np.asarray(values, float))
     labels = np.zeros(len(inputs)) if packing is None else np.asarray(packing)
-    if inputs.ndim != 2 or inputs.shape[1] != 2 or values.shape[1] != len(inputs) or labels.shape != (len(inputs),):
+    if inputs.ndim != 2 or inputs.shape[1] < 1 or values.shape[1] != len(inputs) or labels.shape != (len(inputs),):
         raise SurrogateError(
             f"surrogate: inputs {inputs.shape}, values {values.shape} and packing {labels.shape} do not match"
         )
     if not np.all(inputs > 0):
         raise SurrogateError(f"surrogate: an input is {inputs.min():g}, all must be positive")
     fewest = int(np.isfinite(values).sum(axis=1).min())
-    if fewest < FEWEST_FITTED:
-        raise SurrogateError(f"surrogate: one row has values of {fewest} runs, at least {FEWEST_FITTED} are needed")
+    needed = fewest_fitted(inputs.shape[1])
+    if fewest < needed:
+        raise SurrogateError(f"surrogate: one row has values of {fewest} runs, at least {needed} are needed")
     codes = np.unique(labels, return_inverse=True)[1].ravel()
     basis = mixed_model.basis_of(inputs)
     patterns, which = np.unique(np.isfinite(values), axis=0, return_inverse=True)

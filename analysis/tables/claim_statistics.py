@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from scipy import special, stats
 
+from ..inputs.variables import NEEDED
 from ..pdem import weighted
 from ..quantities import CONSOLIDATED
 from ..results.reader import Results
@@ -50,7 +51,7 @@ class Sample:
         return self._once("probability", lambda: self._stack(self.results.probability))
 
     def inputs(self, name: str) -> np.ndarray:
-        """Values (Q,) of mu_s or G_p at the points."""
+        """Values (Q,) of an input at the points."""
         return self._once(("inputs", name), lambda: self.results.family_points(self.family)[name])
 
     def state(self, state: str, symbol: str) -> np.ndarray:
@@ -190,7 +191,8 @@ def share_within(samples: Samples, state: str, symbol: str, mu_iso: float, low: 
 def effect_of_G_p(samples: Samples, alone: bool) -> float:
     """Change of critical eta by one standard deviation of ln G_p, over the spread of eta with both varying; signed.
 
-    alone: by regression on ln G_p in the family with mu_s fixed; otherwise on ln mu_s (quadratic) and ln G_p.  The mean
+    alone: by regression on ln G_p in the family with mu_s fixed; otherwise on ln mu_s (quadratic), ln G_p and the
+    logarithms of further inputs.  The mean
     of the densities, whose slopes scatter by more than they can differ.
     """
     both, sample = samples["coupled"], samples["G_p" if alone else "coupled"]
@@ -200,14 +202,17 @@ def effect_of_G_p(samples: Samples, alone: bool) -> float:
 
 
 def _slopes_on_G_p(sample: Sample, values: np.ndarray, alone: bool) -> Iterator[tuple[float, float]]:
-    """Per density: slope of values (D, Q) on ln G_p, unless alone beside ln mu_s (quadratic), and ln G_p's spread."""
+    """Per density: slope of values (D, Q) on ln G_p, unless alone beside the other inputs, and ln G_p's spread."""
     log_G, log_mu = np.log(sample.inputs("G_p")), np.log(sample.inputs("mu_s"))
+    further = [np.log(sample.inputs(name)) for name in sample.results.points.names if name not in NEEDED]
     for of_density, probability in zip(values, sample.probability, strict=True):
         known = np.isfinite(of_density) & (probability > 0)
         if not known.any():
             yield np.nan, np.nan
             continue
-        columns = [np.ones(known.sum()), log_G[known]] + ([] if alone else [log_mu[known], log_mu[known] ** 2])
+        columns = [np.ones(known.sum()), log_G[known]] + (
+            [] if alone else [log_mu[known], log_mu[known] ** 2, *(log[known] for log in further)]
+        )
         root = np.sqrt(probability[known])
         slope = np.linalg.lstsq(np.stack(columns, 1) * root[:, None], of_density[known] * root, rcond=None)[0][1]
         yield slope, float(weighted.std(log_G, probability))

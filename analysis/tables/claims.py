@@ -53,7 +53,16 @@ def _has_G_p_family(results: Results) -> bool:
 
 
 def _has_no_G_p_family(results: Results) -> bool:
-    return "G_p" not in results.families
+    return "G_p" not in results.families and _varies_in(results, "G_p", "mu_s")
+
+
+def _varies_in(results: Results, *symbols: str) -> bool:
+    return all(symbol in results.points.names for symbol in symbols)
+
+
+def _has_one_grading(results: Results) -> bool:
+    """Whether all points have the same grains and the same stress, so that a density is one state before shear."""
+    return not {"sigma_ln", "d50", "sigma_3"} & {*results.points.names}
 
 
 def _has_density(results: Results, mu_iso: float) -> bool:
@@ -137,6 +146,7 @@ CLAIMS: tuple[Claim, ...] = (
         number=statistics.stiffness_exponent,
         sense=">=",
         limit=0.3,  # half of what Hertzian contacts give
+        applies=lambda results: _varies_in(results, "G_p"),
     ),
     Claim(
         statement="Dense samples have the higher G_0",
@@ -151,6 +161,7 @@ CLAIMS: tuple[Claim, ...] = (
         number=partial(statistics.least_correlation, symbol="e", sign=1),
         sense=">=",
         limit=0.5,
+        applies=lambda results: _varies_in(results, "mu_s"),
     ),
     Claim(
         statement="A higher critical eta goes with a smaller coordination number",
@@ -158,6 +169,7 @@ CLAIMS: tuple[Claim, ...] = (
         number=partial(statistics.least_correlation, symbol="Z", sign=-1),
         sense=">=",
         limit=0.5,
+        applies=lambda results: _varies_in(results, "mu_s"),
     ),
     Claim(
         statement="The critical state is reached by 25 % strain",
@@ -203,6 +215,7 @@ CLAIMS: tuple[Claim, ...] = (
         number=statistics.initial_difference,
         sense="<=",
         limit=0.05,
+        applies=_has_one_grading,
     ),
     Claim(
         statement="Initial states of one density hardly vary (COV at most 0.011)",
@@ -211,6 +224,7 @@ CLAIMS: tuple[Claim, ...] = (
         sense="<=",
         limit=0.011,
         refutable=statistics.has_full_size,  # fewer spheres scatter more
+        applies=_has_one_grading,
     ),
 )
 

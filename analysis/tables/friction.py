@@ -1,7 +1,8 @@
 """Responses along interparticle friction: values and errors at given mu_s, and the differences between densities.
 
-The two grain properties depend on each other, so G_p is set to its regression on mu_s over the representative points,
-in logarithms.  Values come from the model of all runs of a density: the noise of packings and runs averages out.
+The grain properties depend on each other, so all others are set to their regressions on mu_s over the representative
+points, in logarithms; constant ones keep their value.  Values come from the model of all runs of a density: the noise
+of packings and runs averages out.
 """
 
 from __future__ import annotations
@@ -11,9 +12,9 @@ import pandas as pd
 
 from ..quantities import QUANTITIES
 from ..results.reader import Results, Runs
-from ..surrogates.surrogate import FEWEST_RUNS, Surrogate
+from ..surrogates.surrogate import Surrogate
 from .columns import unit
-from .pooled_states import model_of, state_model
+from .pooled_states import model_of, runs_needed, state_model
 
 #: Frictions that are tabled, as far as the runs reach.
 FRICTIONS = (0.065, 0.10, 0.15, 0.25, 0.40, 0.50, 0.65)
@@ -23,10 +24,15 @@ COLUMNS = ["state", "quantity", "unit", "mu_s", "G_p_GPa", "mu_iso", "value", "c
            "differs"]  # fmt: skip
 
 
-def modulus_along(results: Results, mu_s: np.ndarray) -> np.ndarray:
-    """Median G_p (n,) in Pa of grains of friction mu_s (n,): regression of the logarithms over the weighted points."""
+def variable_along(results: Results, symbol: str, mu_s: np.ndarray) -> np.ndarray:
+    """Median (n,) in SI units of an input at the frictions mu_s (n,), such as G_p: mu_s itself, or the regression.
+
+    The regression is that of the logarithms over the weighted points.
+    """
     points = results.family_points()
-    line = np.polyfit(np.log(points.mu_s), np.log(points.G_p), 1, w=np.sqrt(points.probability))
+    if symbol == "mu_s" or symbol in points.constants:
+        return np.asarray(mu_s, float) if symbol == "mu_s" else np.full(len(mu_s), points.constants[symbol])
+    line = np.polyfit(np.log(points.mu_s), np.log(points[symbol]), 1, w=np.sqrt(points.probability))
     return np.exp(np.polyval(line, np.log(mu_s)))
 
 
@@ -35,8 +41,8 @@ def along_friction(
 ) -> dict[float, tuple[np.ndarray, np.ndarray]]:
     """mu_iso -> values and 95 % half widths (n,) of a state's quantity at the frictions mu_s (n,), in SI units.
 
-    From the model, whose error contains the noise of packings if there are three or more.  Densities of fewer than 12
-    runs are left out; none is given if one lacks the quantity.
+    From the model, whose error contains the noise of packings if there are three or more.  Densities with too few runs
+    (`runs_needed`, 12 for two inputs) are left out; none is given if one lacks the quantity or mu_s is not random.
     """
     runs = _runs(results, state, symbol)
     return {m: _at(results, state_model(results, state, symbol, m), mu_s) for m in runs}
@@ -58,18 +64,18 @@ def differences_along(
 
 
 def _runs(results: Results, state: str, symbol: str) -> dict[float, Runs]:
-    """The runs of every density with at least 12 of them; none if a density lacks the quantity."""
+    """The runs of every density with enough of them; none if a density lacks the quantity or mu_s is not random."""
     densities = results.family_densities()
-    if any(symbol not in results.state_symbols(state, m) for m in densities):
+    if "mu_s" not in results.points.names or any(symbol not in results.state_symbols(state, m) for m in densities):
         return {}
     runs = {m: results.runs_at(state, symbol, m) for m in densities}
-    return {m: r for m, r in runs.items() if np.isfinite(r.values).sum() >= FEWEST_RUNS}
+    return {m: r for m, r in runs.items() if np.isfinite(r.values).sum() >= runs_needed(results)}
 
 
 def _at(results: Results, model: Surrogate | None, mu_s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Values and 95 % half widths (n,) of a model at the frictions mu_s (n,)."""
-    assert model is not None  # _runs gives densities of 12 runs or more
-    asked = np.column_stack([mu_s, modulus_along(results, mu_s)])
+    assert model is not None  # _runs gives densities of enough runs
+    asked = np.column_stack([variable_along(results, name, mu_s) for name in results.points.names])
     value = model.predict(asked)[0]
     off = model.draws(400, np.random.default_rng(1)).predict(asked)[:, 0] - value
     return value, np.quantile(np.abs(off), LEVEL, axis=0)
@@ -86,12 +92,12 @@ def friction_table(results: Results) -> pd.DataFrame:
     rows = []
     points, densities = results.family_points().mu_s, results.family_densities()
     for state, symbol in RESPONSES:
-        if any(symbol not in results.state_symbols(state, m) for m in densities):
+        if "mu_s" not in results.points.names or any(symbol not in results.state_symbols(state, m) for m in densities):
             continue
         run = np.all([np.isfinite(results.measured(state, symbol, m)) for m in densities], axis=0)
         mu_s = np.array([mu for mu in FRICTIONS if run.any() and points[run].min() <= mu <= points[run].max()])
         by_density, factor = along_friction(results, state, symbol, mu_s), QUANTITIES[symbol].shown_factor
-        modulus = modulus_along(results, mu_s) * QUANTITIES["G_p"].shown_factor
+        modulus = variable_along(results, "G_p", mu_s) * QUANTITIES["G_p"].shown_factor
         differences = differences_along(results, state, symbol, mu_s)
         for mu_iso, (value, half) in by_density.items():
             off, wide = differences[mu_iso]
@@ -110,7 +116,7 @@ def friction_curves(results: Results, count: int = 60) -> pd.DataFrame:
     Columns state, quantity, unit, mu_iso, mu_s, value and its 95 % half width ci95 (`along_friction`).
     """
     points = results.family_points()
-    mu_s = np.geomspace(points.mu_s.min(), points.mu_s.max(), count)
+    mu_s = np.geomspace(points.mu_s.min(), points.mu_s.max(), count if "mu_s" in points.names else 1)
     parts = []
     for state, symbol in RESPONSES:
         factor = QUANTITIES[symbol].shown_factor

@@ -6,6 +6,7 @@ import math
 
 import pandas as pd
 
+from ..inputs.variables import VARIABLES
 from ..quantities import QUANTITIES, parameter
 from ..results.reader import Results
 
@@ -28,13 +29,15 @@ def copulas(results: Results) -> pd.DataFrame:
     for rank, fit in enumerate(results.inputs["copulas"], start=1):
         errors = fit.get("se") or [math.nan] * len(fit["parameters"])
         names = fit.get("names") or [f"parameter {k + 1}" for k in range(len(fit["parameters"]))]
-        params = "; ".join(f"{n} = {v:.5g} ± {e:.2g}" for n, v, e in zip(names, fit["parameters"], errors, strict=True))
+        spread = [f" ± {e:.2g}" if math.isfinite(e) else "" for e in errors]
+        params = "; ".join(f"{n} = {v:.5g}{e}" for n, v, e in zip(names, fit["parameters"], spread, strict=True))
         rest = {k: v for k, v in fit.items() if k not in ("family", "parameters", "names", "se", "interval")}
         rows.append({"rank": rank, "family": fit["family"], "parameters": params} | rest)
     return pd.DataFrame(rows)
 
 
 def points(results: Results) -> pd.DataFrame:
-    """The representative points with their probabilities, G_p in GPa."""
-    frame = results.points.to_frame()
-    return frame.assign(G_p=frame["G_p"] * QUANTITIES["G_p"].shown_factor).rename(columns={"G_p": "G_p_GPa"})
+    """The representative points with their probabilities; inputs in the units of their columns, such as G_p_GPa."""
+    chosen = results.points
+    columns = {VARIABLES[s].column: chosen[s] * QUANTITIES[s].shown_factor for s in chosen.variables}
+    return pd.DataFrame({"id": chosen.id, **columns, "probability": chosen.probability})

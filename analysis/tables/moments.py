@@ -8,9 +8,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import qmc
 
-from ..inputs.joint import Joint, bootstrap_joints
-from ..inputs.pairs import FEWEST_PAIRS
-from ..inputs.refits import Candidates
+from ..inputs.measurements import measurements_behind, refitted_joints
 from ..quantities import QUANTITIES
 from ..results.reader import Results
 from ..surrogates.distribution import QUANTILE_LEVELS, Distribution, moments_and_quantiles
@@ -18,7 +16,8 @@ from ..surrogates.surrogate import Surrogate
 from .columns import QUANTILES, unit, with_interval
 from .pooled_states import pooled_states
 
-#: Fewest runs of a density whose moments have intervals.
+#: Fewest runs of a density whose moments have intervals; with more than three inputs twice as many as the plane of
+#: the model has coefficients.
 FEWEST = 8
 #: log2 of the samples of the inputs, and of those through each refit of the inputs.
 POWER, REFITS = 9, 200
@@ -31,12 +30,14 @@ def moments(results: Results) -> pd.DataFrame:
 
     `kind`: "denoised", what the inputs do, from the model without the noise of packings and runs; "as simulated", what
     one specimen of the simulated number of spheres does.  The intervals contain the error of the model and that of the
-    inputs, which are refitted to resampled pairs; each refit chooses its families again.  `runs_share`: share of the
+    inputs (`inputs.measurements`), if the number of measurements behind them is known.  `runs_share`: share of the
     squared width of the interval of the mean that more or larger runs could remove; the rest is due to the number of
-    pairs.  `packings`: their number; with one or two the intervals lack what all points share through them.
+    measurements.  `packings`: their number; with one or two the intervals lack what all points share through them.
     """
     rows = []
-    for mu_iso, state, symbol, model, samples in pooled_states(results, POWER, FEWEST):
+    for mu_iso, state, symbol, model, samples in pooled_states(
+        results, POWER, max(FEWEST, 2 * len(results.points.names) + 2)
+    ):
         factor = QUANTITIES[symbol].shown_factor
         found, runs_share = with_refits(results, model, samples)
         for kind, numbers in kinds(found):
@@ -51,19 +52,18 @@ def with_refits(results: Results, model: Surrogate, samples: np.ndarray) -> tupl
     refits = results.cached("refits of the inputs", lambda: _refits(results))
     if refits is None:
         return plain, 1.0
-    found = moments_and_quantiles(model, samples, levels=QUANTILE_LEVELS, refits=refits, pairs=len(results.pairs))
+    found = moments_and_quantiles(model, samples, levels=QUANTILE_LEVELS, refits=refits,
+                                  pairs=measurements_behind(results.inputs, results.pairs))  # fmt: skip
     wide, narrow = (float(d.denoised.high[0, 0] - d.denoised.low[0, 0]) for d in (found, plain))
     return found, min((narrow / wide) ** 2, 1.0) if wide > 0 else np.nan
 
 
 def _refits(results: Results) -> np.ndarray | None:
-    """Samples (B, m, 2) of the inputs refitted to resampled pairs, with common random numbers, or None."""
-    if len(results.pairs) < FEWEST_PAIRS:
+    """Samples (B, m, d) of the refitted inputs, with common random numbers; None if they are not refitted."""
+    joints = refitted_joints(results.inputs, results.pairs, REFITS)
+    if not joints:
         return None
-    uniforms = qmc.Sobol(2, seed=1).random_base2(POWER)
-    fitted = Joint.from_dict(results.inputs["joint"])
-    candidates = Candidates.tried(results.inputs.get("marginals", {}), results.inputs.get("copulas", ()))
-    joints = bootstrap_joints(results.pairs, REFITS, np.random.default_rng(1), fitted, candidates)
+    uniforms = qmc.Sobol(joints[0].dimension, seed=1).random_base2(POWER)
     return np.stack([joint.inverse_rosenblatt(uniforms) for joint in joints])
 
 

@@ -12,9 +12,9 @@ from ..pdem.pdf import wasserstein
 from ..quantities import QUANTITIES
 from ..results.reader import Results
 from ..surrogates.monte_carlo import monte_carlo
-from ..surrogates.surrogate import FEWEST_RUNS, Surrogate
+from ..surrogates.surrogate import Surrogate
 from .columns import QUANTILES, named, unit
-from .pooled_states import curve_model, joint_samples, pooled_states
+from .pooled_states import curve_model, joint_samples, pooled_states, runs_needed
 
 #: Responses that are compared along strain, and the strain to start from: before it all points are near one state.
 ALONG, ALONG_FROM = ("eta", "e", "e_m", "Z", "Z_m", "Phi_dev"), 0.01
@@ -65,7 +65,7 @@ def monte_carlo_along(results: Results, power: int = 14) -> pd.DataFrame:
             response = results.response(symbol, mu_iso)
             run = np.where(results.filled(mu_iso), np.nan, response.values)
             model = curve_model(results, symbol, mu_iso)
-            if model is None or np.isfinite(run).sum(axis=1).min() < FEWEST_RUNS:
+            if model is None or np.isfinite(run).sum(axis=1).min() < runs_needed(results):
                 continue
             pdf = response.pdf
             noise = _noise(results, mu_iso, model)

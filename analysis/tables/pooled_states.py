@@ -11,7 +11,8 @@ from scipy.stats import qmc
 from ..inputs.joint import Joint
 from ..results.reader import Results, Runs
 from ..surrogates import surrogate
-from ..surrogates.surrogate import FEWEST_FITTED, FEWEST_RUNS, Surrogate
+from ..surrogates.basis import fewest_fitted, fewest_runs
+from ..surrogates.surrogate import Surrogate
 
 #: States and quantities that are pooled.
 POOLED = (("peak", "eta"), ("critical", "eta"), ("critical", "e"), ("critical", "Z"), ("critical", "Phi_dev"),
@@ -19,7 +20,7 @@ POOLED = (("peak", "eta"), ("critical", "eta"), ("critical", "e"), ("critical", 
 
 
 class PooledState(NamedTuple):
-    """A quantity of a state at a density: its model and samples (m, 2) of the inputs."""
+    """A quantity of a state at a density: its model and samples (m, d) of the inputs."""
 
     mu_iso: float
     state: str
@@ -29,26 +30,36 @@ class PooledState(NamedTuple):
 
 
 def state_model(results: Results, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> Surrogate | None:
-    """Model (one row) of a quantity at a state, in SI units; None with fewer than 5 runs.  It is fitted once."""
+    """Model (one row) of a quantity at a state, in SI units; None with too few runs.  It is fitted once."""
     key = ("state model", state, symbol, f"{mu_iso:g}", family)
     return results.cached(key, lambda: model_of(results, results.runs_at(state, symbol, mu_iso, family), family))
 
 
 def curve_model(results: Results, symbol: str, mu_iso: float, family: str = "coupled") -> Surrogate | None:
-    """Model (T rows) of a response along strain, in SI units; None with fewer than 5 runs.  It is fitted once."""
+    """Model (T rows) of a response along strain, in SI units; None with too few runs.  It is fitted once."""
     key = ("curve model", symbol, f"{mu_iso:g}", family)
     return results.cached(key, lambda: model_of(results, results.runs_along(symbol, mu_iso, family), family))
 
 
 def model_of(results: Results, runs: Runs, family: str = "coupled") -> Surrogate | None:
-    """Model of the values of single runs; None with fewer than 5 of them."""
-    if np.isfinite(runs.values).sum(axis=-1).min() < FEWEST_FITTED:
+    """Model of the values of single runs; None with fewer than `fewest_fitted` of them, 5 for two inputs."""
+    inputs = results.family_points(family).x[runs.place]
+    if np.isfinite(runs.values).sum(axis=-1).min() < fewest_fitted(inputs.shape[1]):
         return None
-    return surrogate.fit(results.family_points(family).x[runs.place], runs.values, runs.packing)
+    return surrogate.fit(inputs, runs.values, runs.packing)
 
 
-def pooled_states(results: Results, power: int, fewest: int = FEWEST_RUNS) -> Iterator[PooledState]:
-    """Every pooled state of every density with so many runs, with 2^power samples of the joint inputs."""
+def runs_needed(results: Results) -> int:
+    """Runs of a density from which on errors are claimed from its model: 12 for two inputs, more for more."""
+    return fewest_runs(len(results.points.names))
+
+
+def pooled_states(results: Results, power: int, fewest: int = 0) -> Iterator[PooledState]:
+    """Every pooled state of every density with so many runs, with 2^power samples of the joint inputs.
+
+    fewest: by default `runs_needed`.
+    """
+    fewest = fewest or runs_needed(results)
     if not results.inputs["joint"]:
         return
     samples = joint_samples(results, power)
@@ -64,5 +75,6 @@ def pooled_states(results: Results, power: int, fewest: int = FEWEST_RUNS) -> It
 
 
 def joint_samples(results: Results, power: int) -> np.ndarray:
-    """2^power samples (m, 2) of the fitted joint inputs, from Sobol' points."""
-    return Joint.from_dict(results.inputs["joint"]).inverse_rosenblatt(qmc.Sobol(2, seed=1).random_base2(power))
+    """2^power samples (m, d) of the joint inputs, from Sobol' points."""
+    joint = Joint.from_dict(results.inputs["joint"])
+    return joint.inverse_rosenblatt(qmc.Sobol(joint.dimension, seed=1).random_base2(power))

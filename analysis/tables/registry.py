@@ -145,7 +145,7 @@ def write_tables(frames: Mapping[str, pd.DataFrame], folder: str | Path) -> list
     frames : mapping of str to pandas.DataFrame
         As `evaluate` returns them.
     folder : str or Path
-        The files are <folder>/tables/<name>.csv.
+        The files are <folder>/tables/<name>.csv; a frame without columns, such as copulas of one variable, has none.
 
     Returns
     -------
@@ -165,7 +165,7 @@ def write_tables(frames: Mapping[str, pd.DataFrame], folder: str | Path) -> list
     target.mkdir(parents=True, exist_ok=True)
     paths = []
     for name in TABLES:
-        if name in frames:
+        if name in frames and len(frames[name].columns):
             paths.append(target / f"{name}.csv")
             with atomic_write(paths[-1]) as part:
                 _without_formulas(frames[name]).to_csv(part, index=False, float_format="%.6g")

@@ -12,6 +12,7 @@ from ..pdem import weighted
 from ..results.reader import Results
 from ..surrogates import stopping, surrogate
 from ..surrogates.rotation import nested_order
+from .pooled_states import runs_needed
 
 #: Share of the points beyond which kept and full surface are too much alike to test a claim.
 MOST = 0.7
@@ -33,7 +34,7 @@ def stopping_replay(results: Results, targets: Sequence[str] = TARGETS) -> pd.Da
     densities, points = results.family_densities(), results.family_points()
     inputs = points.x
     if (
-        len(points) < surrogate.FEWEST_RUNS
+        len(points) < runs_needed(results)
         or not results.inputs["joint"]
         or any(results.filled(m).any() for m in densities)
     ):
@@ -63,7 +64,7 @@ def stopping_replay(results: Results, targets: Sequence[str] = TARGETS) -> pd.Da
 
 def _first_within(inputs, packing, judged, samples, order, target, history):
     """The assessment after the first batch that claims no more than the target, or after the last, and its points."""
-    used, total = stopping.first_batch(len(inputs)), len(inputs)
+    used, total = stopping.first_batch(*inputs.shape), len(inputs)
     while True:
         if used not in history:
             part = order[:used]

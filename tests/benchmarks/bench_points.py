@@ -1,10 +1,12 @@
 """How well n representative points stand for the joint distribution: discrepancy, moments, integrals, weights, cost.
 
-    /usr/bin/python3 tests/benchmarks/bench_points.py        (a few minutes)
+    /usr/bin/python3 tests/benchmarks/bench_points.py                     (a few minutes)
+    /usr/bin/python3 tests/benchmarks/bench_points.py --dimensions        (two minutes)
 
 Writes data/benchmarks/points.csv (a row for each method and n: 20 seeds; discrepancies of mu_s and G_p; largest errors
 of means, standard deviations and correlation; root-mean-square errors of five integrals over their standard deviation),
-points_convergence.csv and .png there (those errors against n, and their slopes) and points_cost.csv.
+points_convergence.csv and .png there (those errors against n, and their slopes) and points_cost.csv.  With --dimensions
+it writes points_dimensions.csv only: the same for two and for three variables, for which the points' cells are sampled.
 """
 
 from __future__ import annotations
@@ -25,7 +27,9 @@ from scipy import special
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
+from analysis.copulas.multivariate import GaussianCopula  # noqa: E402
 from analysis.inputs.joint import Joint, fit_joint  # noqa: E402
+from analysis.inputs.marginals import Marginal  # noqa: E402
 from analysis.inputs.pairs import read_pairs  # noqa: E402
 from analysis.points import selection, voronoi  # noqa: E402
 from analysis.points.discrepancy import moment_errors  # noqa: E402
@@ -51,6 +55,48 @@ def functions(x: np.ndarray) -> np.ndarray:
     bump = np.exp(-(np.log(mu_s / 0.214) ** 2 + np.log(g) ** 2))
     exceedance = special.ndtr((strength - 0.65) / 0.08)
     return np.stack([strength, g ** (2 / 3) * (1.0 - 0.3 * mu_s), strength / g, exceedance, bump], axis=1)
+
+
+def functions_of_three(x: np.ndarray) -> np.ndarray:
+    """The same five (m, 5) of mu_s, G_p and nu: nu changes stiffness and strength as it does with Hertzian contacts."""
+    two = functions(x[:, :2])
+    softer = 0.8 / (1.0 - x[:, 2])
+    strength, stiffness = two[:, 0] * softer**0.1, two[:, 1] * softer ** (2 / 3)
+    bump = two[:, 4] * np.exp(-((np.log(x[:, 2] / 0.2) / 0.5) ** 2))
+    exceedance = special.ndtr((strength - 0.65) / 0.08)
+    return np.stack([strength, stiffness, two[:, 2] / softer, exceedance, bump], axis=1)
+
+
+def dimensions() -> None:
+    """Write points_dimensions.csv."""
+    two = fit_joint(read_pairs(ROOT / "data" / "pairs_reconstructed.csv"), n_boot=0).joint
+    rho = two.copula.parameters[0]
+    matrix = ((1.0, rho, 0.3), (rho, 1.0, -0.1), (0.3, -0.1, 1.0))
+    nu = Marginal("lognormal", {"median": 0.2, "sigma_ln": 0.15})
+    three = Joint((*two.marginals, nu), GaussianCopula(matrix))
+    header = "variables,method,n,D_median,D_worst,mean_error_worst,std_error_worst,correlation_error_worst,"
+    header += "P_min_times_n,P_max_times_n," + ",".join(f"rms_{name}" for name in INTEGRALS)
+    rows = []
+    for joint, integrands, nodes in ((two, functions, 300), (three, functions_of_three, 90)):
+        exact = joint.expectation(integrands, nodes=nodes)
+        scale = np.sqrt(joint.expectation(lambda x, f=integrands, e=exact: (f(x) - e) ** 2, nodes=nodes))
+        for n in (50, 100, 200):
+            for name in ("gf", "sobol", "lhs"):
+                found = [quality(joint, integrands, name, n, seed, exact, scale) for seed in SEEDS]
+                D, moments, shares, integrals = (np.array(part) for part in zip(*found, strict=True))
+                row = [np.median(D), D.max(), *moments.max(axis=0), shares[:, 0].min(), shares[:, 1].max()]
+                row += np.sqrt(np.mean(integrals**2, axis=0)).tolist()
+                rows.append(f"{joint.dimension},{name},{n}," + numbers(row))
+    write("points_dimensions.csv", header, rows)
+
+
+def quality(joint: Joint, integrands, name: str, n: int, seed: int, exact: np.ndarray, scale: np.ndarray):
+    """Largest discrepancy of a marginal, errors of the moments, least and largest n P, errors of the integrals."""
+    chosen = selection.select_points(joint, n, seed=seed, **METHODS[name])
+    found = moment_errors(chosen.x, chosen.probability, joint)
+    P = chosen.probability
+    moments = [np.abs(found[key]).max() for key in ("mean", "std", "correlation")]
+    return max(chosen.discrepancy), moments, (n * P.min(), n * P.max()), (P @ integrands(chosen.x) - exact) / scale
 
 
 def main() -> None:
@@ -150,4 +196,4 @@ def write(name: str, header: str, rows: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    dimensions() if "--dimensions" in sys.argv[1:] else main()

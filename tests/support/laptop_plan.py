@@ -9,8 +9,12 @@ from campaign.config import read_config
 from campaign.plan import PlannedRun, make_rows
 
 
+def rows() -> list[PlannedRun]:
+    """All runs of campaign/laptop.toml."""
+    points = RepresentativePoints.from_csv((ROOT / "data" / "laptop" / "points.csv").read_text())
+    return make_rows(read_config(ROOT / "campaign" / "laptop.toml"), points)
+
+
 def planned() -> dict[tuple[str, str, float, int], PlannedRun]:
     """(stage, family, mu_iso, point) -> a run of campaign/laptop.toml; its cost does not depend on its packing."""
-    points = RepresentativePoints.from_csv((ROOT / "data" / "laptop" / "points.csv").read_text())
-    rows = make_rows(read_config(ROOT / "campaign" / "laptop.toml"), points)
-    return {(row.stage, row.family, row.mu_iso, row.point): row for row in rows}
+    return {(row.stage, row.family, row.mu_iso, row.point): row for row in rows()}

@@ -134,8 +134,8 @@ def _write_product(path, row, record, snapshots, probe=None, exit_reason="strain
                           exit_reason=exit_reason, failure="", resumed=0, created="2024-01-01T00:00:00",
                           yade_version="synthetic", script_digest="0" * 64)  # fmt: skip
         parameters = {name: getattr(row, name) for name in ("mu_s", "G_p", "mu_iso", "start")}
-        parameters |= {"nu": 0.2, "rho": 2670.0, "sigma_3": SIGMA_3, "N": 27, "d50": SPACING, "sigma_ln": 0.174,
-                       "seed": row.packing,
+        parameters |= {"nu": getattr(row, "nu", 0.2), "rho": 2670.0, "sigma_3": SIGMA_3, "N": 27, "d50": SPACING,
+                       "sigma_ln": 0.174, "seed": row.packing,
                            "inertial_number": 1e-3, "damping": 0.0, "timestep_factor": 0.8, "stiffness_scale": 1.0,
                            "density_scaling": 0.0, "strain_end": 0.4, "windows": 80}  # fmt: skip
         if exit_reason == "strain_end" and "eps_a" in record:

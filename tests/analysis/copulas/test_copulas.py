@@ -16,7 +16,7 @@ from analysis.copulas.multivariate import (
     GaussianCopula,
     StudentCopula,
     _loglik,
-    _most_likely,
+    most_likely,
     fit_gaussian,
     from_dict,
     student_of_known_degrees,
@@ -423,7 +423,7 @@ def test_seven_published_variables_have_their_joint_maximum():
     """The maximum is that of a general optimiser from independence; the correlations of the pairs give 751.272."""
     rows = [[float(word) for word in line.split()] for line in URANIUM.split("\n") if line]
     S = np.array([[rows[max(i, j)][min(i, j)] for j in range(7)] for i in range(7)])
-    found = _most_likely(S)
+    found = most_likely(S)
     value = 655 * (_loglik(found, S) + 0.5 * np.trace(S))
     assert value == pytest.approx(751.3018, abs=2e-4)
 

@@ -29,7 +29,7 @@ def written_out(layout, noise, g, curvature):
     inputs, packing, _ = layout
     basis = mixed_model.basis_of(inputs)
     columns = basis(inputs)
-    trend, process = columns[:, : mixed_model.TREND], columns[:, mixed_model.TREND :]
+    trend, process = columns[:, : basis.trend], columns[:, basis.trend :]
     phi = process @ basis.features(*mixed_model.KERNELS[g % len(mixed_model.KERNELS)])
     off = phi - trend @ np.linalg.lstsq(trend, phi, rcond=None)[0]
     of_f = mixed_model.CURVATURES[curvature] * (phi @ phi.T) / np.mean(np.sum(off**2, axis=1))
@@ -89,7 +89,8 @@ def test_in_a_balanced_layout_the_variance_of_packings_has_its_closed_form(layou
     """Without curvature and growth: w(B) ~ B^((R - 1) / 2) (SSW + B SSB)^(-dof / 2), with the sums of ANOVA."""
     inputs, packing, values = layout
     model = fitted(layout)
-    trend = mixed_model.basis_of(inputs)(inputs)[:, : mixed_model.TREND]
+    basis = mixed_model.basis_of(inputs)
+    trend = basis(inputs)[:, : basis.trend]
     of_packing = values.reshape(2, 5, 8).mean(axis=2)
     between = 8 * np.sum((of_packing - of_packing.mean(axis=1, keepdims=True)) ** 2, axis=1)
     rest = values - values @ np.linalg.pinv(trend).T @ trend.T
