@@ -176,11 +176,10 @@ CONSOLIDATED = ("e", "e_m", "Z", "Z_m")
 def parameter(symbol: str, name: str, value: float, error: float = math.nan) -> str:
     """Text of a fitted parameter `name` of the quantity `symbol` with its standard error, e.g. 'median = 25.7 ± 1 GPa'.
 
-    A parameter has the unit of its quantity if its value in the shown unit exceeds 1e-3; otherwise it has none (a shape
-    parameter of a modulus).
+    A parameter has the unit of its quantity, but a shape and a standard deviation of the logarithm have none.
     """
     quantity = QUANTITIES[symbol]
-    has_unit = abs(value) * quantity.shown_factor > 1e-3 and quantity.shown_factor != 1.0
+    has_unit = not name.endswith(("shape", "sigma_ln")) and quantity.shown_factor != 1.0
     factor, unit = (quantity.shown_factor, f" {quantity.shown_unit}") if has_unit else (1.0, "")
     spread = f" ± {error * factor:.2g}" if math.isfinite(error) else ""
     return f"{name} = {value * factor:.5g}{spread}{unit}"

@@ -29,7 +29,7 @@ CAMPAIGN = {
     "assess": {"stop_when": Pdem().stop_when},
 }
 #: Optional arguments that are data, not settings.
-DATA = {"attrs", "k", "mu_s", "packing", "rng", "seed", "weight"}
+DATA = {"attrs", "dependence", "k", "mu_s", "packing", "rng", "seed", "weight"}
 
 
 def deviations(text: str) -> dict[tuple[str, str], tuple[str, str]]:

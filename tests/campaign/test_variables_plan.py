@@ -11,10 +11,12 @@ import pytest
 from paths import ROOT
 
 from analysis.inputs.variables import VARIABLES
+from campaign import batches
 from campaign.cell import check_cell
 from campaign.choice import PlanError, choose
 from campaign.config import ConfigError, parse_config, read_config
 from campaign.evaluate import plan_frame
+from campaign.files import read_json
 from campaign.plan import make_rows, write_plan
 from campaign.prepare import describe_inputs, inputs_digest, prepare, read_planned_points
 
@@ -171,3 +173,13 @@ def test_every_variable_can_be_random():
     points, rows = rows_of(config_of(*VARIABLES))
     assert points.names == tuple(VARIABLES) and len(points.moment_warnings()) == 1
     assert len(rows["shear"]) == 8 and {*rows["shear"][0].further} == {"nu", "sigma_ln", "sigma_3", "d50"}
+
+
+def test_batches_of_points_are_chosen_and_judged_by_all_random_variables(tmp_path):
+    config = config_of("mu_s", "nu", more='[pdem]\nstop_when = "10%"\n')
+    points, _ = prepare(config, tmp_path)
+    inputs = batches._inputs(make_rows(config, points), batches._names(tmp_path))
+    assert [inputs[k] for k in range(8)] == [tuple(row) for row in points.x.tolist()]
+    step = batches.next_step(config, tmp_path, make_rows(config, points))
+    note = read_json(tmp_path / batches.NOTE)
+    assert not step.last and sorted(note["order"]) == list(range(8)) and note["used"] == 8

@@ -10,6 +10,7 @@ import pytest
 import synthetic_results
 
 from analysis.figures import FIGURES, drawn, style
+from analysis.quantities import parameter
 from analysis.report import input_words, write_report
 from analysis.results import read_results
 from analysis.tables import evaluate, write_tables
@@ -109,3 +110,12 @@ def test_a_report_has_no_empty_table_and_no_word_of_what_is_not_there(names, n, 
         assert table.count("<tr") > 1, table[:300]
     assert "nan" not in re.sub(r"<[^>]*>", " ", text).split()
     assert ("The effect of friction" in text) == ("mu_s" in names)
+
+
+@pytest.mark.parametrize(("symbol", "name", "value", "text"), [
+    ("sigma_3", "shape", 33.775, "shape = 33.775"), ("sigma_3", "scale", 3034.1, "scale = 3.0341 kPa"),
+    ("d50", "sigma_ln", 0.2, "sigma_ln = 0.2"), ("d50", "median", 2.5e-4, "median = 0.25 mm"),
+    ("G_p", "median", 29e9, "median = 29 GPa"), ("nu", "mean", 0.22, "mean = 0.22"),
+])  # fmt: skip
+def test_parameters_have_the_unit_of_their_quantity_and_shapes_have_none(symbol, name, value, text):
+    assert parameter(symbol, name, value) == text
