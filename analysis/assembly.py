@@ -69,18 +69,39 @@ def make_assembly(
     Raises AssemblyError for arguments out of range, for a grading that N spheres cannot represent, at once, and if no
     state without contacts is found.
     """
+    shape = {"size_ratio": size_ratio, "fines": fines}
+    d = diameters(N, d50, sigma_ln, distribution, **shape)
+    grading = f"{distribution}, sigma_ln = {sigma_ln:g}, sizes 1 to {d[-1] / d[0]:.3g}"
+
+    def enough() -> str:
+        return _smallest_number(N, sigma_ln, distribution, solid_fraction, shape)
+
+    return place(d, seed, solid_fraction, grading=grading, enough=enough, progress=progress)
+
+
+def place(
+    d: np.ndarray,
+    seed: int,
+    solid_fraction: float = 0.52,
+    *,
+    grading: str = "given sizes",
+    enough: Callable[[], str] = lambda: "use more spheres or a narrower grading",
+    progress: Callable[[str], None] | None = None,
+) -> Assembly:
+    """Spheres of diameters d (N,) m, ascending, at random positions in a periodic cube, without contacts.
+
+    grading: the sizes in words, for the text of errors; enough: what would do where the cell is too small, in words.
+    Otherwise as in `make_assembly`, which describes also the errors.
+    """
     if not 0.0 < solid_fraction <= 0.58:
         raise AssemblyError(f"assembly: solid_fraction = {solid_fraction:g} is outside (0, 0.58]")
-    rng = np.random.default_rng(seed)
-    shape = {"size_ratio": size_ratio, "fines": fines}
-    radius = rng.permutation(0.5 * diameters(N, d50, sigma_ln, distribution, **shape))
+    rng, N = np.random.default_rng(seed), len(d)
+    radius = rng.permutation(0.5 * d)
     edge = (np.sum(4.0 / 3.0 * np.pi * radius**3) / solid_fraction) ** (1.0 / 3.0)
-    sizes = f"sizes 1 to {radius.max() / radius.min():.3g}"
     if 4.0 * radius.max() > edge:
-        enough = _smallest_number(N, sigma_ln, distribution, solid_fraction, shape)
         raise AssemblyError(
             f"assembly: the cell edge {edge:.3g} m is less than two diameters of the largest sphere; "
-            f"N = {N} is too few for {distribution}, sigma_ln = {sigma_ln:g}, {sizes}; {enough}"
+            f"N = {N} is too few for {grading}; {enough()}"
         )
     position = rng.uniform(0.0, edge, (N, 3))
     for looser in LOOSER_STARTS:
@@ -89,7 +110,7 @@ def make_assembly(
         if found is not None:
             return Assembly(found, radius, np.full(3, grown))
     raise AssemblyError(
-        f"assembly: {N} spheres ({distribution}, sigma_ln = {sigma_ln:g}, {sizes}) still touch "
+        f"assembly: {N} spheres ({grading}) still touch "
         f"at a solid fraction of {solid_fraction / LOOSER_STARTS[-1]:.3g}; use a narrower grading"
     )
 

@@ -13,6 +13,7 @@ A module imports only modules that stand above it in this list:
     batches                     sequential stopping: points in batches until the target error is reached
     engine_local, engine_slurm  run what is missing, on this machine or on a cluster
     status, evaluate            counts and costs; results.h5, tables, figures and report
+    sweep_values, sweep         one campaign per value of a key: its settings; shared products, table and figure
     __main__                    the command line
 
 `yade_scripts` is started, never imported. From `analysis` the modules `errors_and_files` and `quantities`, which need

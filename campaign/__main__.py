@@ -1,4 +1,4 @@
-"""The command line: python3 -m campaign {plan,run,status,missing,analyse,archive,report,all} CONFIG [options]"""
+"""The command line: python3 -m campaign {plan,run,status,missing,analyse,archive,report,sweep,all} CONFIG [options]"""
 
 from __future__ import annotations
 
@@ -25,6 +25,8 @@ from campaign.products import run_statuses
 from campaign.run_one import FREE_BYTES
 from campaign.scope import SCOPE
 from campaign.status import campaign_status, status_text
+from campaign.sweep import run_sweep
+from campaign.sweep_values import variants
 
 if TYPE_CHECKING:
     from analysis.points import RepresentativePoints
@@ -44,7 +46,8 @@ def main(argv: list[str] | None = None) -> int:
         if options.command == "report" and options.config.endswith(".h5"):
             return report_file(Path(options.config), options)
         config = _config(options)
-        folder = Path(options.folder) if options.folder else ROOT / "runs" / config.name
+        name = f"{config.name}_sweep" if options.command == "sweep" else config.name
+        folder = Path(options.folder) if options.folder else ROOT / "runs" / name
         return COMMANDS[options.command].run(config, folder, options)
     except KeyboardInterrupt:
         print("stopped; the same command goes on from here", file=sys.stderr)
@@ -75,7 +78,7 @@ def _config(options: Namespace) -> Config:
     if (jobs := getattr(options, "jobs", None)) is not None:
         if not 1 <= jobs <= MOST_JOBS:
             raise ConfigError(f"--jobs = {jobs} is outside [1, {MOST_JOBS}]")
-        if options.command != "status" and (options.engine or config.run.engine) == "slurm":
+        if options.command != "status" and run_keys.get("engine", config.run.engine) == "slurm":
             raise ConfigError(f"--jobs = {jobs} has no effect in SLURM; run.slurm.throttle limits the tasks at once")
         run_keys["jobs"] = jobs
     return replace(config, run=replace(config.run, **run_keys))
@@ -252,6 +255,15 @@ def everything(config: Config, folder: Path, options: Namespace) -> int:
     return 0
 
 
+def sweep(config: Config, folder: Path, options: Namespace) -> int:
+    """Plan, run, analyse and report one campaign per value of a key; write a table and a figure of the states."""
+    key, campaigns = variants(config, options.set, options.along)
+    return run_sweep(
+        key, campaigns, folder, lambda one, place: _plan(one, place)[0],
+        lambda one, place: everything(one, place, options),
+    )  # fmt: skip
+
+
 def _plan(config: Config, folder: Path) -> tuple[list[PlannedRun], RepresentativePoints, str]:
     """Plan the campaign; the rows, the points and what was done with them."""
     if "sigma_ln" not in config.variables:
@@ -300,6 +312,11 @@ COMMANDS = {
         "draw figures and report.html; given a results.h5 instead of CONFIG, also write the tables",
         ("--folder", "--figures", "--columns", "--dpi"),
     ),
+    "sweep": Command(
+        sweep,
+        "do all this for several values of a key; one table and one figure of the states",
+        ("--folder", "--jobs", "--failed", "--quiet", "--set", "--with"),
+    ),  # fmt: skip
     "all": Command(everything, "plan, run, analyse and report; nothing is done twice", RUN_OPTIONS),
 }
 OPTIONS: dict[str, dict] = {
@@ -308,6 +325,19 @@ OPTIONS: dict[str, dict] = {
     "--engine": {"choices": ("local", "slurm"), "help": "where to run (default: run.engine)"},
     "--failed": {"action": "store_true", "help": "repeat failed runs, too"},
     "--quiet": {"action": "store_true", "help": "show no progress line"},
+    "--set": {
+        "action": "append",
+        "default": [],
+        "metavar": "KEY=VALUE,VALUE",
+        "help": "the key and its values, such as consolidation.sigma_3_kPa=50,100,200; a list has brackets",
+    },
+    "--with": {
+        "action": "append",
+        "default": [],
+        "dest": "along",
+        "metavar": "KEY=VALUE,VALUE",
+        "help": "a key that changes together with that of --set, with as many values; may be repeated",
+    },
     "--figures": {
         "metavar": "FORMAT",
         "help": "also draw figures for print, into figures/print/: pdf (fonts embedded), svg (text as outlines), png",

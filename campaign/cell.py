@@ -1,4 +1,4 @@
-"""The rule for thin cells: how far a campaign's shear runs can shorten their periodic cell, known before they are run.
+"""How many spheres a grading needs: the rule for thin cells, what a sieve curve asks for, and the cost of that number.
 
 YADE's PeriTriaxController does not shorten an edge below 2.1 spans of the largest grain, and says nothing: the strain
 stands still and the run goes on for ever.  A cell of N spheres with the solid volume V_s and the solid fraction phi has
@@ -14,10 +14,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from campaign.config import Config, ConfigError
-from campaign.plan import predicted_steps
+from campaign.plan import STAGES, predicted_seconds, predicted_steps
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from analysis.inputs.sieve_curve import SieveCurve
 
 if TYPE_CHECKING:
     from analysis.points import RepresentativePoints
@@ -46,21 +51,28 @@ class Reach:
 
 
 def check_cell(config: Config, points: RepresentativePoints | None = None) -> None:
-    """Refuse a campaign whose cell stops before `shear.strain_end`.
+    """Refuse a campaign whose cell stops before `shear.strain_end`, or whose spheres lack its sieve curve.
 
     With points whose sigma_ln is random, the widest grading counts.  Raises ConfigError with one line that names N,
-    grading, both strains, and the N or the strain_end that would do.
+    grading, the fault, and the N or the strain_end that would do.
     """
     if points is not None and "sigma_ln" in points.names:
         config = replace(config, assembly=replace(config.assembly, sigma_ln=float(points["sigma_ln"].max())))
     grains, wanted, file = config.assembly, config.shear.strain_end, config.source.name
+    sizes = _sizes(config, grains.N)
+    grading = config.curve.text if config.curve else (
+        f"{grains.distribution}, sigma_ln = {grains.sigma_ln:g}, sizes 1 to {sizes.largest / sizes.smallest:.3g}"
+    )  # fmt: skip
     reach = reach_of(config, grains.N)
-    if reach.safe >= wanted:
+    if reach.safe >= wanted and not sizes.shortfall:
         return
-    _, largest, smallest, _ = _grading(grains.N, grains.sigma_ln, grains.distribution)
-    grading = f"{grains.distribution}, sigma_ln = {grains.sigma_ln:g}, sizes 1 to {largest / smallest:.3g}"
     enough = smallest_number(config)
-    advice = [f"N >= {enough}"] if enough else []
+    advice = [f"N >= {enough} (about {predicted_hours(config, enough):.2g} core-hours)"] if enough else []
+    if sizes.shortfall:
+        raise ConfigError(
+            f"{file}: assembly.N = {grains.N} spheres of {grains.sieve} ({grading}) {sizes.shortfall}; "
+            f"use {' or '.join(advice) or 'a curve of a smaller size ratio'}"
+        )
     if (strain := math.floor(reach.safe * 100.0) / 100.0) > 0.0:
         advice.append(f"shear.strain_end <= {strain:g}")
     where = f"at a strain of about {reach.stops:.3g}" if reach.stops > 0.0 else "before shear begins"
@@ -74,7 +86,7 @@ def check_cell(config: Config, points: RepresentativePoints | None = None) -> No
 def reach_of(config: Config, N: int) -> Reach:
     """How far a cell of N of the campaign's grains can be sheared."""
     grains, end = config.assembly, config.shear.strain_end
-    volume, largest, smallest, densest = _grading(N, grains.sigma_ln, grains.distribution)
+    volume, largest, smallest, densest, _ = _sizes(config, N)
     d50 = grains.d50_mm * 1e-3
     step = STEP_MARGIN * end / predicted_steps("shear", _values(config)) / d50
     box = _shortest(largest, smallest)
@@ -87,17 +99,45 @@ def reach_of(config: Config, N: int) -> Reach:
 
 
 def smallest_number(config: Config) -> int:
-    """A number of grains whose cell reaches `shear.strain_end`: the least, rounded up; 0 if a million do not."""
+    """A number of grains whose cell reaches `shear.strain_end` and which have the sieve curve: the least, rounded up.
+
+    0 if a million are not enough.
+    """
     wanted, low, N = config.shear.strain_end, 32, 64
-    while (safe := reach_of(config, N).safe) < wanted:  # edges grow as N^(1/3), the largest grain a little
+
+    def suffices(number: int) -> bool:
+        return reach_of(config, number).safe >= wanted and not _sizes(config, number).shortfall
+
+    while not suffices(N):  # edges grow as N^(1/3), the largest grain a little
         if N == MOST_GRAINS:
             return 0
-        low, N = N, min(MOST_GRAINS, math.ceil(N * math.exp(max(0.05, 3.5 * (wanted - safe)))))
+        lacking = max(0.0, wanted - reach_of(config, N).safe)
+        low, N = N, min(MOST_GRAINS, math.ceil(N * math.exp(max(0.05, 3.5 * lacking))))
     while (1.03 if N < 10_000 else 1.15) * low + 1 < N:
         middle = round(math.sqrt(low * N))
-        low, N = (low, middle) if reach_of(config, middle).safe >= wanted else (middle, N)
+        low, N = (low, middle) if suffices(middle) else (middle, N)
     unit = 10 ** max(0, len(str(N)) - 2)
     return -(-N // unit) * unit
+
+
+def predicted_hours(config: Config, N: int) -> float:
+    """Return the predicted core-hours of a campaign of N spheres, from its settings alone: no points are needed.
+
+    Each point counts with the modulus of the consolidation and mu_s <= 0.3; larger mu_s are sheared more slowly.
+    """
+    n = config.points.n
+    packings = n if config.consolidation.per_point else min(n, len(config.assembly.packings))
+    chains = n
+    if config.families.G_p_only:
+        chains += n if config.families.G_p_points < 0 else min(n, config.families.G_p_points)
+    values = _values(config)
+    seconds = sum(
+        runs * predicted_seconds(stage, N * predicted_steps(stage, values | softer))
+        for stage, runs, softer in zip(
+            STAGES, (packings, chains, chains), ({"stiffness_scale": 1.0}, {"stiffness_scale": 1.0}, {}), strict=True
+        )
+    )
+    return len(config.consolidation.mu_iso) * seconds / 3600.0
 
 
 def _values(config: Config) -> dict[str, float]:
@@ -124,11 +164,38 @@ def _shortest(largest: float, smallest: float) -> float:
     return SHORTEST_EDGE * (largest + BOX_MARGIN * smallest)
 
 
-@cache
-def _grading(N: int, sigma_ln: float, distribution: str) -> tuple[float, float, float, float]:
-    """Solid volume, largest and smallest diameter in units of d50, and the densest solid fraction of N grains."""
-    from analysis.assembly import densest_fraction, diameters
+class Sizes(NamedTuple):
+    """Solid volume, largest and smallest diameter in units of d50, densest solid fraction; what the curve lacks."""
 
-    d = diameters(N, 1.0, sigma_ln, distribution)
+    volume: float
+    largest: float
+    smallest: float
+    densest: float
+    shortfall: str
+
+
+def _sizes(config: Config, N: int) -> Sizes:
+    grains = config.assembly
+    return _curve_sizes(N, config.curve) if config.curve else _grading(N, grains.sigma_ln, grains.distribution)
+
+
+@cache
+def _grading(N: int, sigma_ln: float, distribution: str) -> Sizes:
+    from analysis.assembly import diameters
+
+    return _described(diameters(N, 1.0, sigma_ln, distribution), MEASURED.get(distribution, DENSEST), "")
+
+
+@cache
+def _curve_sizes(N: int, curve: SieveCurve) -> Sizes:
+    from analysis.inputs.sieve_curve import shortfall
+
+    d = curve.diameters(N)
+    return _described(d / curve.sizes["D50"], DENSEST, shortfall(curve, d))
+
+
+def _described(d: np.ndarray, densest: float, shortfall: str) -> Sizes:
+    from analysis.assembly import densest_fraction
+
     volume = float(math.pi / 6.0 * (d**3).sum())
-    return volume, float(d[-1]), float(d[0]), min(MEASURED.get(distribution, DENSEST), densest_fraction(d))
+    return Sizes(volume, float(d[-1]), float(d[0]), min(densest, densest_fraction(d)), shortfall)

@@ -131,6 +131,10 @@ def _refuse_settings(config: Config, inputs: Inputs) -> None:
             f'{file}: material.heterogeneity = "grain" draws mu_s and G_p for every grain, but {others[0]} is random, '
             "too, and a specimen has one value of it"
         )
+    sizes = [VARIABLES[symbol].column for symbol in ("sigma_ln", "d50")
+             if symbol in inputs.names or {symbol, VARIABLES[symbol].column} & {*config.variables}]  # fmt: skip
+    if config.curve and sizes:
+        raise PlanError(f"{file}: assembly.sieve gives the sizes of the grains, but the inputs state {sizes[0]}, too")
     if config.families.G_p_only and inputs.names != NEEDED:
         raise PlanError(
             f"{file}: families.G_p_only = true needs mu_s and G_p as the two random variables; random are "

@@ -14,11 +14,14 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from analysis.errors_and_files import GrainScatterError, decoded, digest, shown
 from campaign.config_variables import SECTIONS_STATED, VariablesError, read_variables
 from campaign.scope import out_of_scope
+
+if TYPE_CHECKING:
+    from analysis.inputs.sieve_curve import SieveCurve
 
 ROOT = Path(__file__).resolve().parent.parent
 #: Largest number of runs at once, of the key run.jobs and of the option --jobs.
@@ -91,6 +94,11 @@ class Assembly:
         str,
         choices=("lognormal", "loguniform", "well_graded", "gap_graded"),
         doc="type of the grading by mass",
+    )
+    sieve: str = key(
+        "",
+        str,
+        doc="CSV file with a grading curve, in place of d50_mm, sigma_ln, distribution: size_mm, passing_percent",
     )
     packings: tuple = key(
         tuple(range(1, 21)), SEEDS, 0, 2**31 - 1,
@@ -206,6 +214,7 @@ class Config:
     """The settings of a campaign; `text` is the TOML text, `source` the path of the file.
 
     `variables` and `dependence` are the sections of these names as they stand in the file (`config_variables`).
+    `curve` is the grading curve of `assembly.sieve`, None without; with a curve, `assembly.d50_mm` is its D50.
     """
 
     name: str
@@ -225,23 +234,29 @@ class Config:
     dependence: dict[str, Any] = field(default_factory=dict)
     text: str = ""
     source: Path = Path()
+    curve: SieveCurve | None = None
 
     @property
     def pairs_path(self) -> Path:
-        """The pairs file: beside the campaign file, else under the current folder, else under the repository's root.
-
-        Raises ConfigError if it is at none of these places.
-        """
-        for folder in (self.source.parent, Path.cwd(), ROOT):
-            if (folder / self.inputs.pairs).is_file():
-                return folder / self.inputs.pairs
-        raise ConfigError(f"{self.source.name}: inputs.pairs = {self.inputs.pairs!r} is no file")
+        """The pairs file; raises ConfigError if it is at none of the places of `find_file`."""
+        return find_file(self.source, "inputs.pairs", self.inputs.pairs)
 
 
 SECTIONS = {
     "inputs": Inputs, "points": Points, "assembly": Assembly, "material": Material, "consolidation": Consolidation,
     "shear": Shear, "probe": Probe, "dem": Dem, "families": Families, "failures": Failures, "pdem": Pdem, "run": Run,
 }  # fmt: skip
+
+
+def find_file(source: Path, full: str, name: str) -> Path:
+    """The file `name` of the key `full`: beside the campaign file, else in the current folder, else in the repository.
+
+    Raises ConfigError if it is at none of these places.
+    """
+    for folder in (source.parent, Path.cwd(), ROOT):
+        if (folder / name).is_file():
+            return folder / name
+    raise ConfigError(f"{source.name}: {full} = {name!r} is no file")
 
 
 def read_config(path: str | Path) -> Config:
@@ -296,7 +311,25 @@ def _parsed(text: str, source: Path, file: str) -> Config:
     parts |= {section: replace(parts[section], **keys) for section, keys in settled.items()}
     config = Config(name=name, text=text, source=source, variables=variables, dependence=dependence, **parts)
     _check_together(config, file)
-    return config
+    return _with_curve(config, table.get("assembly", {})) if config.assembly.sieve else config
+
+
+def _with_curve(config: Config, given: Mapping[str, Any]) -> Config:
+    """The settings with the grading curve of `assembly.sieve`; raises ConfigError for a key that it takes the place of.
+
+    given: the keys of [assembly] in the campaign file.
+    """
+    from analysis.inputs.sieve_curve import read_sieve
+
+    for name in ("d50_mm", "sigma_ln", "distribution"):
+        if name in given:
+            raise ConfigError(
+                f"{config.source.name}: assembly.{name} = {_shown(given[name])} and assembly.sieve are both given; "
+                f"the sieve curve takes the place of assembly.{name}"
+            )
+    curve = read_sieve(find_file(config.source, "assembly.sieve", config.assembly.sieve))
+    d50_mm = float(f"{curve.sizes['D50'] * 1e3:.12g}")
+    return replace(config, curve=curve, assembly=replace(config.assembly, d50_mm=d50_mm))
 
 
 def _accuracy(table: dict, file: str) -> dict:

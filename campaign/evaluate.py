@@ -177,6 +177,8 @@ def report(config: Config, folder: Path, frames: Frames | None = None, wanted: P
 def _settings(config: Config) -> dict[str, Any]:
     """Every key of a campaign by section; [variables] and [dependence] only where they are given."""
     settings = {name: asdict(getattr(config, name)) for name in SECTIONS}
+    if config.curve:
+        settings["assembly"]["sieve_curve"] = asdict(config.curve)
     return settings | {name: getattr(config, name) for name in STATED if getattr(config, name)}
 
 

@@ -148,6 +148,8 @@ def _add_chain(
         "d50": given.get("d50", config.assembly.d50_mm * 1e-3), "seed": packing,
         "timestep_factor": dem.timestep_factor, "stiffness_scale": 1.0, "density_scaling": int(dem.density_scaling),
     }  # fmt: skip
+    if config.curve:
+        common["sieve"] = config.curve.name
     planned = partial(_planned_run, config, packing=packing, mu_iso=mu_iso, further=given)
     if per_point:
         first = planned("consolidate", "shared", point.id, math.nan, point.G_p, "", common)

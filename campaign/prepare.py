@@ -226,13 +226,18 @@ def _make_assemblies(config: Config, folder: Path, points: RepresentativePoints)
     for seed, point, of_sizes in wanted:
         path = folder / assembly_file(seed, point)
         made_with = {"N": grains.N, **of_sizes, "seed": seed, "distribution": grains.distribution}
+        if config.curve:
+            made_with = {"N": grains.N, "seed": seed, "sieve": config.curve.name}
         note = folder / "tables" / f"{path.stem}.json"
         if path.exists() and read_json(note) == made_with:
             continue
-        from analysis.assembly import make_assembly, write_assembly
+        from analysis.assembly import make_assembly, place, write_assembly
 
         line = Progress()
-        assembly = make_assembly(**made_with, progress=lambda text: line.show(f"{path.name}: {text}"))  # noqa: B023
+        make = partial(make_assembly, **made_with)
+        if config.curve:
+            make = partial(place, config.curve.diameters(grains.N), seed, grading=config.curve.text)
+        assembly = make(progress=lambda text: line.show(f"{path.name}: {text}"))  # noqa: B023
         line.end()
         writes[path] = partial(write_assembly, assembly=assembly, attrs=made_with)
         writes[note] = partial(write_json, value=made_with)

@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from ..inputs.joint import Joint
 from ..inputs.marginals import Marginal
+from ..inputs.sieve_curve import curvature
 from ..micromechanics import grading
 from ..points.selection import select_points
 from ..results.reader import Results
@@ -106,11 +107,21 @@ def _distribution_steps(axis, joint, points):
 
 @style.styled
 def grading_curve(results: Results) -> Figure:
-    """Figure 4: share by mass finer than a diameter, with the median size and the grading index."""
+    """Figure 4: share by mass finer than a diameter, with the median size and the grading index.
+
+    Where the grading was given by a sieve curve, its points are shown, too.
+    """
     figure = style.new_figure(4.6, 3.2)
     axis = figure.subplots()
     diameter, finer = grading.grading_curve(results.diameters)
-    axis.step(style.shown("d50", diameter), 100 * finer, where="post", color=panels.CONTOUR_MAP(0.95))
+    curve = results.attrs["settings"].get("assembly", {}).get("sieve_curve")
+    axis.step(style.shown("d50", diameter), 100 * finer, where="post", color=panels.CONTOUR_MAP(0.95),
+              label="spheres" if curve else None)  # fmt: skip
+    if curve:
+        sieves = style.shown("d50", np.asarray(curve["size"], float))
+        axis.plot(sieves, 100 * np.asarray(curve["passing"], float), "o", ms=4.5, color="k", mfc="white",
+                  label="sieve curve")  # fmt: skip
+        axis.legend(loc="lower right")
     d50 = style.shown("d50", grading.size_at(results.diameters, 0.5))
     axis.axvline(d50, color="0.5", lw=0.8, linestyle="--")
     axis.axhline(50, color="0.5", lw=0.8, linestyle="--")
@@ -118,10 +129,14 @@ def grading_curve(results: Results) -> Figure:
         f"{len(diameter)} spheres\n$d_{{50}}$ = {d50:.3f} mm\n$I_G$ = {grading.grading_index(results.diameters):.3f}\n"
     )
     text += f"$C_u$ = {grading.uniformity(results.diameters):.2f}"
+    if curve:
+        text += f"\n$C_c$ = {curvature(results.diameters):.2f}"
     axis.text(0.04, 0.96, text, transform=axis.transAxes, va="top")
     axis.set(xlabel="Diameter (mm)", ylabel="Finer by mass (%)", ylim=(0, 102), xscale="log")
+    finest, coarsest = 1e3 * diameter[0], 1e3 * diameter[-1]
+    marks = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0) if coarsest < 8.0 * finest else (1.0, 2.0, 5.0)
     ticks = [
-        t for t in (0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 1.0) if 0.7 * diameter[0] < t / 1e3 < 1.4 * diameter[-1]
+        t for k in range(-4, 4) for m in marks if 0.7 * finest < (t := float(f"{m * 10.0**k:.3g}")) < 1.4 * coarsest
     ]
     axis.set_xticks(ticks, [f"{t:g}" for t in ticks])
     axis.minorticks_off()

@@ -45,18 +45,19 @@ def test_words(results: Results, facts: pd.Series) -> list[str]:
     size = random.get("d50", f"d50 = {grains['d50_mm']:g} mm")
     width = random.get("sigma_ln", f"a standard deviation of ln d of {grains['sigma_ln']:g}")
     poisson = random.get("nu", f"Poisson's ratio {material['nu']:g}")
+    sizes = (
+        f"of the sieve curve {grains['sieve']} with d50 = {grains['d50_mm']:.3g} mm"
+        if grains.get("sieve")
+        else f"{grains['distribution'].replace('_', ' ')} with {size} and {width} by mass"
+    )
     test = (
-        f"The test: spheres, {grains['distribution'].replace('_', ' ')} with {size} and {width} by mass, "
-        f"{poisson}, "
+        f"The test: spheres, {sizes}, {poisson}, "
         f"consolidated isotropically to {random.get('sigma_3', f'{stress:g} kPa')} and sheared drained in triaxial "
         f"compression at that confining stress. Strains are logarithmic: the last, {facts['end_strain_pct']:.3g} %, is "
         f"{facts['end_height_pct']:.3g} % of the height."
     )
-    graded = (
-        "sigma_ln" not in random
-        and grains["distribution"] == "lognormal"
-        and abs(grains["sigma_ln"] - published.SIGMA_LN) < 5e-3
-    )
+    lognormal = "sigma_ln" not in random and grains["distribution"] == "lognormal" and not grains.get("sieve")
+    graded = lognormal and abs(grains["sigma_ln"] - published.SIGMA_LN) < 5e-3
     scale = settings["dem"]["stiffness_scale"]
     differences = [
         words

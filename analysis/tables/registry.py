@@ -167,9 +167,14 @@ def write_tables(frames: Mapping[str, pd.DataFrame], folder: str | Path) -> list
     for name in TABLES:
         if name in frames and len(frames[name].columns):
             paths.append(target / f"{name}.csv")
-            with atomic_write(paths[-1]) as part:
-                _without_formulas(frames[name]).to_csv(part, index=False, float_format="%.6g")
+            write_table(frames[name], paths[-1])
     return paths
+
+
+def write_table(frame: pd.DataFrame, path: Path) -> None:
+    """Write one table as `write_tables` does, to a path of its own."""
+    with atomic_write(path) as part:
+        _without_formulas(frame).to_csv(part, index=False, float_format="%.6g")
 
 
 def _without_formulas(frame: pd.DataFrame) -> pd.DataFrame:

@@ -48,7 +48,9 @@ def test_a_thin_cell_is_refused_before_the_strain_at_which_it_stands_still(text)
 
 @pytest.mark.parametrize("text", THIN)
 def test_what_the_refusal_offers_is_accepted(text):
-    number, strain = re.search(r"use N >= (\d+) or shear.strain_end <= ([\d.]+)$", refusal(text)).groups()
+    number, strain = re.search(
+        r"use N >= (\d+) \(about \S+ core-hours\) or shear.strain_end <= ([\d.]+)$", refusal(text)
+    ).groups()
     shear = "" if "[shear]" in text else "\n[shear]"
     base = re.sub(r"\nN = \d+", "", text)
     check_cell(parse_config(base.replace("[assembly]", f"[assembly]\nN = {number}")))
@@ -81,7 +83,7 @@ def test_campaigns_in_use_are_accepted():
 def test_a_grading_too_broad_for_its_grains_is_refused_with_the_number_it_needs():
     line = refusal("[assembly]\nN = 5000\nsigma_ln = 0.8")
     assert "before shear begins" in line and "sizes 1 to 33.8" in line
-    assert 70_000 < int(re.search(r"use N >= (\d+)$", line)[1]) < 90_000
+    assert 70_000 < int(re.search(r"use N >= (\d+) \(about \S+ core-hours\)$", line)[1]) < 90_000
     assert refusal("[assembly]\nN = 5000\nsigma_ln = 1.0\n[shear]\nstrain_end = 1.0").endswith("or larger grains")
 
 

@@ -107,8 +107,41 @@ def print_options_go_to_the_figures(case, capsys, command):
     assert wanted == [None, Print("svg", 2, 600), Print("png", 1, 300)]
 
 
+def swept(case, capsys, *options, folder=True):
+    """Output and calls of a sweep over two values; its campaigns stay without products, since no engine runs."""
+    case.toml.write_text(case.toml.read_text().replace("n = 2\n", "n = 8\n"))
+    values = () if "--set" in options else ("--set", "shear.strain_end=0.1,0.08")
+    code, out, calls = answer(case, capsys, "sweep", *values, *options, folder=folder)
+    assert code == 3 and [call[0] for call in calls] == ["local", "local"]
+    return out, calls
+
+
+def a_sweep_has_its_own_folder(case, capsys, command):
+    swept(case, capsys)
+    assert (case.folder / "shear.strain_end=0.08" / "points.csv").exists() and not case.default.parent.exists()
+    swept(case, capsys, folder=False)
+    assert (case.default.with_name("small_sweep") / "shear.strain_end=0.1" / "points.csv").exists()
+
+
+def run_options_go_to_the_engine_of_every_value(case, capsys, command):
+    calls = swept(case, capsys, "--jobs", "3", "--failed", "--quiet")[1]
+    assert all(call[1]["again"] and call[1]["quiet"] and call[2] == 3 for call in calls)
+    calls = swept(case, capsys)[1]
+    assert not any(call[1]["again"] or call[1]["quiet"] or call[2] == 3 for call in calls)
+
+
+def values_are_swept_with_those_that_go_along(case, capsys, command):
+    options = ("--set", "pdem.cells=64,128", "--with", "pdem.method=exact,tvd")
+    assert "pdem.cells = 64\n" in swept(case, capsys, *options)[0]
+    text = (case.folder / "pdem.cells=128" / "config.toml").read_text()
+    assert 'cells = 128\nmethod = "tvd"\n' in text
+
+
 USES = {("status", "--jobs"): jobs_changes_the_time_to_go, ("status", "--json"): json_is_printed}
 USES |= {(command, "--folder"): folder_is_where_the_campaign_is for command in COMMANDS}
+USES["sweep", "--folder"] = a_sweep_has_its_own_folder
+USES |= {("sweep", o): run_options_go_to_the_engine_of_every_value for o in ("--jobs", "--failed", "--quiet")}
+USES |= {("sweep", o): values_are_swept_with_those_that_go_along for o in ("--set", "--with")}
 USES |= {(command, "--check"): check_reads_products_that_look_unchanged for command in ("status", "missing")}
 USES |= {("report", option): print_options_go_to_the_figures for option in ("--figures", "--columns", "--dpi")}
 for _command in ("run", "all"):

@@ -16,9 +16,9 @@ from analysis.copulas.multivariate import (
     GaussianCopula,
     StudentCopula,
     _loglik,
-    most_likely,
     fit_gaussian,
     from_dict,
+    most_likely,
     student_of_known_degrees,
 )
 from analysis.inputs.pairs import read_pairs

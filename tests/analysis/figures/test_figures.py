@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import itertools
 import re
+from dataclasses import asdict
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from matplotlib.text import Text
 from PIL import Image
 
 from analysis.figures import FIGURES, panels, style, write_figures, write_print_figures
+from analysis.inputs.sieve_curve import SieveCurve
 from analysis.pdem import weighted
 from analysis.quantities import QUANTITIES
 from analysis.results.build import build_results
@@ -48,6 +51,21 @@ def test_every_flat_axis_has_labels_from_the_registry(results, name):
     labels = [axis.get_xlabel() for axis in figure.axes if axis.name != "3d" and axis.get_xlabel()]
     known = {quantity.label for quantity in QUANTITIES.values()}
     assert len(labels) >= 1 and set(labels) <= known
+
+
+@pytest.mark.parametrize("given", [True, False])
+def test_figure_4_shows_the_sieve_curve_beside_the_spheres_where_there_is_one(given):
+    curve = SieveCurve((1e-4, 2e-4, 8e-4), (0.0, 0.4, 1.0))
+    settings = {"assembly": {"sieve_curve": asdict(curve)} if given else {}}
+    spheres = SimpleNamespace(diameters=curve.diameters(500), attrs={"settings": settings})
+    (axis,) = FIGURES["fig04_grading"](spheres, {}).axes
+    steps, *others = [line for line in axis.lines if len(line.get_xdata()) > 2]
+    assert np.interp(0.2, steps.get_xdata(), steps.get_ydata()) == pytest.approx(40.0, abs=0.5)
+    assert [(line.get_xdata().tolist(), line.get_ydata().tolist()) for line in others] == (
+        [(pytest.approx([0.1, 0.2, 0.8]), pytest.approx([0.0, 40.0, 100.0]))] if given else []
+    )
+    text = "\n".join(t.get_text() for t in axis.texts)
+    assert (f"$C_c$ = {curve.curvature:.2f}" in text) == given and f"$C_u$ = {curve.uniformity:.2f}" in text
 
 
 def test_the_mean_band_is_mean_and_two_standard_deviations(results):

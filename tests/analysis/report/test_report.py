@@ -138,6 +138,10 @@ def test_the_report_says_which_test_it_is_and_where_it_is_not_the_papers(results
     asked["dem"]["stiffness_scale"] = 0.01
     other = conditions.test_words(replace(results, attrs=results.attrs | {"settings": asked}), facts)
     assert "500 kPa instead of 100, 0.01 of the grains' stiffness" in other[1]
+    asked["assembly"] |= {"sieve": "mine.csv", "d50_mm": 0.2009}
+    graded = conditions.test_words(replace(results, attrs=results.attrs | {"settings": asked}), facts)
+    assert "spheres, of the sieve curve mine.csv with d50 = 0.201 mm, Poisson" in graded[0]
+    assert "another grading" in graded[1]
 
 
 def test_the_report_says_what_the_runs_used_and_which_setting_was_asked_for(results):
