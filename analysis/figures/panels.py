@@ -16,6 +16,7 @@ from matplotlib.transforms import ScaledTranslation
 from ..pdem import evolution, weighted
 from ..pdem.bands import with_input_band
 from ..pdem.pdf import PDF
+from ..results.models import runs_with_moments, state_model
 from ..results.reader import Response, Results
 from . import style
 
@@ -29,6 +30,8 @@ def _from_white(name, share=0.3):
 
 
 CONTOUR_MAP = _from_white(style.COLOURS)
+#: Half the area between two PDFs from which on both are shown, and the line width of the second.
+VISIBLE, THIN = 0.05, 0.7
 
 
 def top_pdf(response: Response, start: float = 0.02) -> float:
@@ -107,8 +110,30 @@ def colour_bar(figure: Figure | SubFigure, filled: QuadContourSet, axes: Axes | 
 
 
 def state_pdf(results: Results, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> PDF | None:
-    """PDF of a quantity at a state over the points, or None if fewer than two points have a value."""
-    values = results.shown_state(state, symbol, mu_iso, family)
+    """PDF of a quantity at a state over the points as simulated, or None if fewer than two points have a value."""
+    return _pdf_of_points(results, results.shown_state(state, symbol, mu_iso, family), mu_iso, family)
+
+
+def denoised_pdf(results: Results, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> PDF | None:
+    """The same of the denoised values of these points, without the noise of packings and runs.
+
+    None with fewer than 8 values, or if all are equal: the model is then too uncertain to be shown.
+    """
+    simulated = results.shown_state(state, symbol, mu_iso, family)
+    known = simulated[np.isfinite(simulated)]
+    model = (
+        state_model(results, state, symbol, mu_iso, family)
+        if len(known) >= runs_with_moments(results) and np.ptp(known) > 0
+        else None
+    )
+    if model is None:
+        return None
+    values = np.where(np.isfinite(simulated), model.predict(results.family_points(family).x)[0], np.nan)
+    return _pdf_of_points(results, values, mu_iso, family)
+
+
+def _pdf_of_points(results: Results, values: np.ndarray, mu_iso: float, family: str) -> PDF | None:
+    """PDF of values (Q,) of the points, with the band from the pairs."""
     known = np.isfinite(values)
     probability = results.probability(mu_iso, family)
     if np.count_nonzero(probability[known]) < 2:
@@ -118,20 +143,34 @@ def state_pdf(results: Results, state: str, symbol: str, mu_iso: float, family: 
     return pdf if drawn is None else with_input_band(pdf, values[None], drawn)
 
 
+def differ_visibly(one: PDF, other: PDF) -> bool:
+    """Whether two PDFs (T = 1) differ by more than VISIBLE: half the area between them, which is at most 1."""
+    x = np.union1d(one.x, other.x)
+    gap = np.abs(np.interp(x, one.x, one.p[0], 0, 0) - np.interp(x, other.x, other.p[0], 0, 0))
+    return bool(0.25 * np.sum((gap[1:] + gap[:-1]) * np.diff(x)) > VISIBLE)
+
+
 def state_pdfs(
     axis: Axes, results: Results, state: str, symbol: str, family: str = "coupled", legend: bool = False
 ) -> None:
-    """PDFs of a quantity at a state, one line per density, with the band from the pairs; the points as ticks below."""
+    """PDFs of a quantity at a state, one line per density, with the band from the pairs; the points as ticks below.
+
+    The PDF is the denoised one where there is a model.  A thin line shows it as simulated where this differs visibly.
+    """
     densities = results.family_densities(family)
+    factor, both = pdf_factor(symbol), False
     for row, (mu_iso, look) in enumerate(style.density_style(densities).items()):
-        pdf = state_pdf(results, state, symbol, mu_iso, family)
-        if pdf is None:
+        simulated = state_pdf(results, state, symbol, mu_iso, family)
+        if simulated is None:
             continue
-        factor = pdf_factor(symbol)
+        pdf = denoised_pdf(results, state, symbol, mu_iso, family) or simulated
         axis.plot(pdf.x * factor, pdf.p[0] / factor, **look)
         if pdf.low is not None and pdf.high is not None:
             axis.fill_between(pdf.x * factor, pdf.low[0] / factor, pdf.high[0] / factor,
                               color=look["color"], alpha=0.2, lw=0)  # fmt: skip
+        if differ_visibly(pdf, simulated):
+            axis.plot(simulated.x * factor, simulated.p[0] / factor, color=look["color"], ls=look["linestyle"], lw=THIN)
+            both = True
         values = style.shown(symbol, results.shown_state(state, symbol, mu_iso, family))
         below = ScaledTranslation(0, -(3.5 + 4 * row) / 72, axis.figure.dpi_scale_trans)
         axis.plot(values, np.zeros(len(values)), "|", transform=axis.get_xaxis_transform() + below,
@@ -143,9 +182,12 @@ def state_pdfs(
     axis.tick_params(axis="x", pad=4 * len(densities) + 4, length=0)
     axis.set_xlabel(style.label(symbol))
     axis.set_ylabel(style.pdf_label(symbol))
-    if legend:
+    handles = [line for line in axis.lines if legend and not line.get_label().startswith("_")]
+    for text, width in (("denoised", None), ("as simulated", THIN)) if both else ():
+        handles += axis.plot([], [], color="0.35", lw=width, label=text)
+    if handles:
         axis.set_ylim(top=1.35 * axis.get_ylim()[1])
-        axis.legend(loc="upper right", ncols=1)
+        axis.legend(handles=handles, loc="upper right", ncols=1)
 
 
 def pdf_factor(symbol: str) -> float:

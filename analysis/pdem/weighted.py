@@ -72,15 +72,17 @@ def correlation(a: ArrayLike, b: ArrayLike, probability: ArrayLike) -> float:
     return float(product / spread) if spread > 0 else float("nan")
 
 
-def wasserstein(a: ArrayLike, b: ArrayLike, probability_a: ArrayLike, probability_b: ArrayLike) -> float:
-    """Wasserstein-1 distance of two weighted sets of values (Q,): the area between their distribution functions."""
-    a, probability_a = _finite(a, probability_a)
-    b, probability_b = _finite(b, probability_b)
-    both = np.sort(np.concatenate([a, b]))
-    if len(a) == 0 or len(b) == 0:
-        return float("nan")
-    difference = _steps(both[:-1], a, probability_a) - _steps(both[:-1], b, probability_b)
-    return float(np.sum(np.abs(difference) * np.diff(both)))
+def wasserstein(a: ArrayLike, b: ArrayLike, probability_a: ArrayLike, probability_b: ArrayLike) -> np.ndarray:
+    """Wasserstein-1 distance of two weighted sets of values (..., Q): the area between their distribution functions."""
+    values, steps = [], []
+    for of_set, probability, sign in ((a, probability_a, 1.0), (b, probability_b, -1.0)):
+        known = np.isfinite(of_set)
+        values.append(np.where(known, of_set, 0.0))
+        steps.append(sign * normalised(np.broadcast_to(probability, known.shape), known))
+    both = np.concatenate(values, axis=-1)
+    order = np.argsort(both, axis=-1)
+    difference = np.cumsum(np.take_along_axis(np.concatenate(steps, axis=-1), order, axis=-1), axis=-1)[..., :-1]
+    return np.sum(np.abs(difference) * np.diff(np.take_along_axis(both, order, axis=-1), axis=-1), axis=-1)
 
 
 def moments(h: ArrayLike, probability: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
@@ -115,12 +117,6 @@ def quantiles(h: ArrayLike, probability: ArrayLike, levels: ArrayLike) -> np.nda
         part = np.clip((level - middle[rows, left]) / np.where(gap > 0, gap, 1.0), 0.0, 1.0)
         result[:, k] = value[rows, left] + part * (value[rows, right] - value[rows, left])
     return result
-
-
-def _steps(x: np.ndarray, values: np.ndarray, probability: np.ndarray) -> np.ndarray:
-    """Distribution function of the points at x."""
-    order = np.argsort(values)
-    return np.concatenate([[0.0], np.cumsum(probability[order])])[np.searchsorted(values[order], x, side="right")]
 
 
 def _finite(values: ArrayLike, probability: ArrayLike) -> tuple[np.ndarray, np.ndarray]:

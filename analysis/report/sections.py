@@ -14,7 +14,7 @@ from ..figures import write_figures
 from ..quantities import QUANTITIES
 from ..results.reader import Results, ResultsError, read_results
 from ..tables import DERIVED_TABLES, REPORT_TABLES, TABLES, published
-from ..tables.claims import CONTRADICTED, INCONCLUSIVE, SUPPORTED
+from ..tables.claim_intervals import CONTRADICTED, INCONCLUSIVE, SUPPORTED
 from . import conditions, friction, input_words, page, reliability, wording
 
 #: Every table; the report shows most of them.
@@ -242,7 +242,7 @@ def _claims(claims: pd.DataFrame) -> str:
     columns = (claims["value"], claims["low"], claims["high"], claims["criterion"])
     values = [f"{page.number(v)} ({page.number(a)} … {page.number(b)}), criterion {limit}"
               for v, a, b, limit in zip(*columns, strict=True)]  # fmt: skip
-    needed = [f"; about {n:.0f} points would decide" if n == n else "" for n in claims["points_to_decide"]]
+    needed = [f"; would be decided by {words}" if words else "" for words in claims["to_decide"]]
     values = [value + more for value, more in zip(values, needed, strict=True)]
     shown = claims.assign(value_interval=values)[["claim", "verdict", "value_interval", "number"]]
     return page.paragraph(wording.CLAIMS) + page.table(shown, stack=True)

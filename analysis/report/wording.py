@@ -10,7 +10,7 @@ from ..quantities import QUANTITIES, parameter
 from ..results.reader import Results
 from ..results.standing import NOT_PROVEN, NOT_REACHED, PROVEN
 from ..tables import published
-from ..tables.claims import CONTRADICTED, INCONCLUSIVE, SUPPORTED
+from ..tables.claim_intervals import CONTRADICTED, INCONCLUSIVE, SUPPORTED
 from . import input_words
 
 Frames = Mapping[str, pd.DataFrame]

@@ -6,9 +6,8 @@ Each statistic takes {family: Sample} and returns one number, NaN where the camp
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy import special, stats
@@ -16,125 +15,12 @@ from scipy import special, stats
 from ..inputs.variables import NEEDED
 from ..pdem import weighted
 from ..quantities import CONSOLIDATED
-from ..results.reader import Results
 from ..runs import peak_critical
-from ..surrogates.surrogate import Surrogate
 from . import published
-from .pooled_states import curve_model, state_model
+from .claim_samples import SMOOTHER, Sample, Samples
 
-#: Half-width, in strain, over which mean curves are smoothed.
-SMOOTHER = 0.04
-#: Draws of the model.
-DRAWS = 200
 #: States and quantities of the grading indices that the paper states.
 GRADING = [(state, symbol) for state in ("peak", "critical") for symbol in ("I_G_active", "I_G_stress")]
-
-
-@dataclass(frozen=True, eq=False)
-class Sample:
-    """One family's Q points at D densities, with the denoised values (`draw` None) or those of one draw of the model.
-
-    Arrays have the densities first.  `scale` multiplies the differences of the densities from their mean
-    (`claims.inverted`).  With one packing, the model does not know what the points share through it: a draw then also
-    shifts each density by a normal error, the standard error of one run, as if all of it were shared.
-    """
-
-    results: Results
-    family: str
-    densities: tuple[float, ...]
-    draw: int | None = None
-    scale: float = 1.0
-
-    @property
-    def probability(self) -> np.ndarray:
-        """Probabilities (D, Q) of the points; those of each density sum to 1."""
-        return self._once("probability", lambda: self._stack(self.results.probability))
-
-    def inputs(self, name: str) -> np.ndarray:
-        """Values (Q,) of an input at the points."""
-        return self._once(("inputs", name), lambda: self.results.family_points(self.family)[name])
-
-    def state(self, state: str, symbol: str) -> np.ndarray:
-        """Values (D, Q) of a quantity at a state; NaN where there are too few runs for a model."""
-        if self.draw is None:
-            return self.values(state, symbol)
-        return self.values(state, symbol) + self._once(("state", state, symbol), lambda: None)[2][:, self.draw, None]
-
-    def values(self, state: str, symbol: str) -> np.ndarray:
-        """Values (D, Q) for numbers that an error which all points of a density share does not change."""
-        fitted, drawn, _ = self._once(("state", state, symbol), lambda: self._state(state, symbol))
-        values = fitted if self.draw is None else drawn[:, self.draw]
-        return values + (self.scale - 1.0) * (fitted - fitted.mean(axis=0))
-
-    def curve(self, symbol: str) -> np.ndarray:
-        """Mean (D, T) of a response along strain."""
-        fitted, drawn = self._once(("curve", symbol), lambda: self._curve(symbol))
-        return fitted if self.draw is None else drawn[:, self.draw]
-
-    def noise(self, state: str, symbol: str) -> np.ndarray:
-        """Standard deviations (D,) of a single run about the denoised values."""
-        models = self.models(state, symbol)
-        return np.array([np.nan if model is None else model.noise[0] for model in models])
-
-    def models(self, state: str, symbol: str) -> list[Surrogate | None]:
-        """The model of a quantity at a state, per density."""
-        return [state_model(self.results, state, symbol, mu_iso, self.family) for mu_iso in self.densities]
-
-    def consolidated(self, symbol: str) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Values and probabilities after consolidation, one pair per density."""
-        return self._once(
-            ("consolidated", symbol), lambda: [self.results.consolidated(symbol, mu_iso) for mu_iso in self.densities]
-        )
-
-    def smoother(self) -> np.ndarray:
-        """Matrix (T, T) that smooths a curve along strain, over 4 % to either side."""
-        strain = self.results.strain
-        return self._once("smoother", lambda: peak_critical.smooth(strain, np.eye(len(strain)), width=SMOOTHER))
-
-    def _state(self, state: str, symbol: str) -> tuple[np.ndarray, ...]:
-        """Denoised values (D, Q), draws (D, DRAWS, Q), and shifts (D, DRAWS) where there is one packing."""
-        parts, points = [], self.results.family_points(self.family).x
-        for k, model in enumerate(self.models(state, symbol)):
-            if model is None:
-                unknown = np.full(len(points), np.nan)
-                parts.append((unknown, np.tile(unknown, (DRAWS, 1)), np.zeros(DRAWS)))
-                continue
-            rng, shift = np.random.default_rng([k, *f"{state}/{symbol}".encode()]), np.zeros(DRAWS)
-            if model.packings == 1:
-                error = self.results.state_error(state, symbol, self.densities[k], self.family)
-                scale = np.nan if error is None else np.sqrt(np.nanmean(error**2))
-                shift = scale * rng.normal(size=DRAWS)
-            parts.append((model.predict(points)[0], model.draws(DRAWS, rng).predict(points)[:, 0], shift))
-        return tuple(np.array(part) for part in zip(*parts, strict=True))
-
-    def _curve(self, symbol: str) -> tuple[np.ndarray, np.ndarray]:
-        """Denoised means (D, T) and draws (D, DRAWS, T); draws are NaN where packings are not known."""
-        parts, points = [], self.results.family_points(self.family).x
-        for mu_iso, probability in zip(self.densities, self.probability, strict=True):
-            model = curve_model(self.results, symbol, mu_iso, self.family)
-            if model is None:
-                unknown = np.full(len(self.results.strain), np.nan)
-                parts.append((unknown, np.tile(unknown, (DRAWS, 1))))
-                continue
-            mean = model.basis(points).T @ probability
-            drawn = model.draws(DRAWS, np.random.default_rng(1)).coefficients @ mean
-            parts.append((model.coefficients @ mean, drawn if model.knows_packings else np.full_like(drawn, np.nan)))
-        fitted, drawn = (np.array(part) for part in zip(*parts, strict=True))
-        return fitted, drawn
-
-    def _stack(self, read: Callable[..., np.ndarray]) -> np.ndarray:
-        return np.array([read(mu_iso, self.family) for mu_iso in self.densities])
-
-    def _once(self, key: Any, make: Callable[[], Any]) -> Any:
-        return self.results.cached(("claims", self.family, key), make)
-
-
-Samples = dict[str, Sample]
-
-
-def sample(results: Results, family: str, draw: int | None = None) -> Sample:
-    """The points of a family, denoised or as one draw of the model."""
-    return Sample(results, family, results.family_densities(family), draw)
 
 
 def _largest(values: Iterable[float]) -> float:
@@ -148,19 +34,23 @@ def _least(values: Iterable[float]) -> float:
     return -_largest(-value for value in values)
 
 
-def _distance(sample: Sample, state: str, symbol: str, a: int, b: int) -> float:
-    """Wasserstein distance of two densities over the mean standard deviation of their denoised values."""
-    values, probability = sample.state(state, symbol)[[a, b]], sample.probability[[a, b]]
-    denoised = replace(sample, draw=None, scale=1.0).state(state, symbol)[[a, b]]
-    spread = float(np.mean(weighted.std(denoised, probability)))
-    return weighted.wasserstein(*values, *probability) / spread if spread > 0 else np.nan
+def _distances(sample: Sample, state: str, symbol: str, pairs: Sequence[tuple[int, int]]) -> list[np.ndarray]:
+    """Wasserstein distances of pairs of densities over the mean of their two denoised spreads; one per draw."""
+    values, probability = sample.state(state, symbol), sample.probability
+    spread = weighted.std(replace(sample, draw=None, scale=None).state(state, symbol), probability)
+    return [
+        weighted.wasserstein(values[a], values[b], probability[a], probability[b])
+        / (0.5 * (spread[a] + spread[b]) if spread[a] + spread[b] > 0 else np.nan)
+        for a, b in pairs
+    ]
 
 
-def largest_distance(samples: Samples, states: Sequence[str], symbol: str) -> float:
+def largest_distance(samples: Samples, states: Sequence[str], symbol: str) -> np.ndarray | float:
     """Largest Wasserstein distance of two densities, at any of the states, over the mean of their two spreads."""
     sample, count = samples["coupled"], len(samples["coupled"].densities)
     pairs = [(a, b) for a in range(count) for b in range(a)]
-    return _largest(_distance(sample, state, symbol, a, b) for state in states for a, b in pairs)
+    found = [distance for state in states for distance in _distances(sample, state, symbol, pairs)]
+    return np.max(found, axis=0) if found else np.nan
 
 
 def packing_noise_is_known(samples: Samples, states: Sequence[str], symbol: str) -> bool:
@@ -169,10 +59,10 @@ def packing_noise_is_known(samples: Samples, states: Sequence[str], symbol: str)
     return all(model is not None and model.knows_packings for model in models)
 
 
-def end_distance(samples: Samples, state: str, symbol: str) -> float:
+def end_distance(samples: Samples, state: str, symbol: str) -> np.ndarray | float:
     """Wasserstein distance of the densest and the loosest over the mean standard deviation of the two."""
     sample = samples["coupled"]
-    return _distance(sample, state, symbol, 0, -1) if len(sample.densities) > 1 else np.nan
+    return _distances(sample, state, symbol, [(0, -1)])[0] if len(sample.densities) > 1 else np.nan
 
 
 def share_within(samples: Samples, state: str, symbol: str, mu_iso: float, low: float, high: float) -> float:

@@ -3,8 +3,8 @@
 Numbers are those of the denoised values of the points (`pooled_states`).  Intervals come from draws of the model, which
 contain the error that the noise of packings and runs leaves; with fewer than three packings a difference between
 densities cannot contradict a claim, because it may be that of the packings.  Errors increase a distance, in the
-denoised values and again in the draws; therefore their part is subtracted from the value, and the interval holds the
-true distances with which what is found would not be unusual (`inverted`).
+denoised values and again in the draws.  The value is therefore the true distance that would on average give what is
+found, and the interval holds the true distances with which this would not be unusual (`inverted`).
 A claim is supported if the whole interval meets its criterion, contradicted if no part of it does, and inconclusive
 otherwise.  Each interval stands alone: of thirty 95 % intervals, one or two are expected to miss the true value.
 """
@@ -14,18 +14,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from ..results.reader import Results, ResultsError
+from ..surrogates.surrogate import FEWEST_PACKINGS
 from . import claim_statistics as statistics
 from . import published
-from .claim_statistics import Samples
+from .claim_intervals import CONTRADICTED, INCONCLUSIVE, drawn, inverted, times_to_decide, verdict
+from .claim_samples import Samples, sample
 
-#: Ends of a 95 % interval, as shares.
-TAILS = (0.025, 0.975)
-SUPPORTED, CONTRADICTED, INCONCLUSIVE = "supported", "contradicted", "inconclusive"
+#: What decides a claim about differences between densities where too few packings are there to tell.
+PACKINGS = f"at least {FEWEST_PACKINGS} packings"
 
 
 @dataclass(frozen=True)
@@ -35,16 +37,18 @@ class Claim:
     `sense`: "<=", ">=", or "|x| <=" for a number with a sign.  `distance` marks a number that cannot be negative and
     that errors mostly increase.  `refutable` decides from the denoised samples whether the claim can be contradicted.
     It cannot where noise alone increases the number, nor for a difference between densities unless there are enough
-    packings to know how much of it is due to them.  `applies` decides whether the campaign has what the claim is about.
+    packings to know how much of it is due to them; `refuted_by` then states what could contradict the claim.  `applies`
+    decides whether the campaign has what the claim is about.
     """
 
     statement: str
     measure: str
-    number: Callable[[Samples], float]
+    number: Callable[[Samples], Any]
     sense: str
     limit: float
     distance: bool = False
     refutable: Callable[[Samples], bool] = lambda samples: True
+    refuted_by: str = ""
     applies: Callable[[Results], bool] = lambda results: True
 
 
@@ -80,6 +84,7 @@ def _by_density(symbol: str, name: str) -> tuple[Claim, Claim]:
             limit=0.25,  # a quarter of a standard deviation: two normal PDFs that far apart overlap by 90 %
             distance=True,
             refutable=partial(statistics.packing_noise_is_known, states=("critical",), symbol=symbol),
+            refuted_by=PACKINGS,
         ),
         Claim(
             statement=f"At the peak the PDFs of the {name} differ between densities",
@@ -102,6 +107,7 @@ def _independent_of_density(symbol: str, name: str) -> Claim:
         limit=0.25,
         distance=True,
         refutable=partial(statistics.packing_noise_is_known, states=states, symbol=symbol),
+        refuted_by=PACKINGS,
     )
 
 
@@ -178,6 +184,7 @@ CLAIMS: tuple[Claim, ...] = (
         sense="<=",
         limit=published.STEADY_STRAIN,
         refutable=statistics.never,
+        refuted_by="nothing: noise alone can take the number past the limit",
     ),
     Claim(
         statement="The void ratio is steady by 25 % strain",
@@ -186,6 +193,7 @@ CLAIMS: tuple[Claim, ...] = (
         sense="<=",
         limit=published.STEADY_STRAIN,
         refutable=statistics.never,
+        refuted_by="nothing: noise alone can take the number past the limit",
     ),
     Claim(
         statement="I_G_active and I_G_stress are about 1.19 at peak and critical state",
@@ -201,6 +209,7 @@ CLAIMS: tuple[Claim, ...] = (
         sense="<=",
         limit=0.002,
         refutable=statistics.never,
+        refuted_by="nothing: noise alone can take the number past the limit",
     ),
     Claim(
         statement="e and e_m grow and Z and Z_m fall with mu_iso",
@@ -225,6 +234,7 @@ CLAIMS: tuple[Claim, ...] = (
         limit=0.011,
         refutable=statistics.has_full_size,  # fewer spheres scatter more
         applies=_has_one_grading,
+        refuted_by=f"specimens of {published.PARTICLES:,} spheres, as in the paper",
     ),
 )
 
@@ -233,69 +243,42 @@ def claims_table(results: Results) -> pd.DataFrame:
     """One row per claim: statement, number, value with its 95 % interval (low, high), criterion and verdict.
 
     A claim is inconclusive if the campaign lacks its quantities or its number is not finite.  `points_to_decide`: about
-    how many points with packings of their own would decide an inconclusive claim, if its value is the true one.
+    how many points with packings of their own would decide an inconclusive claim, if its value is the true one;
+    `to_decide`: in words what would decide it, which need not be more points.
     """
     families = [family for family in results.families if family in ("coupled", "G_p")]
-    samples = {family: statistics.sample(results, family) for family in families}
+    samples = {family: sample(results, family) for family in families}
     rows = []
     for claim in (claim for claim in CLAIMS if claim.applies(results)):
         number = partial(_evaluate, claim, samples)
-        value, low, high = inverted(number) if claim.distance else _drawn(number)
+        value, low, high = inverted(number) if claim.distance else drawn(number)
         outcome = verdict(low, high, claim.sense, claim.limit)
         if outcome == CONTRADICTED and not claim.refutable(samples):
             outcome = INCONCLUSIVE
-        needed = np.nan
-        if outcome == INCONCLUSIVE and low <= claim.limit <= high and value != claim.limit:
-            far = high if value < claim.limit else low
-            needed = np.ceil(len(results.points) * ((far - value) / (claim.limit - value)) ** 2)
+        needed, words = np.nan, ""
+        if outcome == INCONCLUSIVE:
+            needed = len(results.points) * times_to_decide(value, low, high, claim.sense, claim.limit)
+            words = _to_decide(claim, samples, needed, low, high)
         criterion = f"{claim.sense} {claim.limit:g}"
-        rows.append((claim.statement, claim.measure, value, low, high, criterion, outcome, needed))
-    columns = ["claim", "number", "value", "low", "high", "criterion", "verdict", "points_to_decide"]
+        rows.append((claim.statement, claim.measure, value, low, high, criterion, outcome, np.ceil(needed), words))
+    columns = ["claim", "number", "value", "low", "high", "criterion", "verdict", "points_to_decide", "to_decide"]
     return pd.DataFrame(rows, columns=columns)
 
 
-def verdict(low: float, high: float, sense: str, limit: float) -> str:
-    """Verdict on an interval low ... high against "<= limit", ">= limit" or "|x| <= limit"."""
+def _to_decide(claim: Claim, samples: Samples, needed: float, low: float, high: float) -> str:
+    """What would decide a claim that is inconclusive."""
     if not (np.isfinite(low) and np.isfinite(high)):
-        return INCONCLUSIVE
-    if sense == "|x| <=":
-        return verdict(max(low, -high, 0.0), max(-low, high), "<=", limit)
-    inside, outside = (high <= limit, low > limit) if sense == "<=" else (low >= limit, high < limit)
-    return SUPPORTED if inside else CONTRADICTED if outside else INCONCLUSIVE
+        return "the quantities of the claim, in enough runs and packings to know their error"
+    if not claim.refutable(samples) and (np.isnan(needed) or claim.refuted_by == PACKINGS):
+        return claim.refuted_by
+    if np.isnan(needed):
+        return "more points, if the true value is not the limit itself"
+    return f"about {np.ceil(needed):,.0f} points"
 
 
-def _evaluate(claim: Claim, samples: Samples, draw: int | None = None, scale: float = 1.0) -> float:
+def _evaluate(claim: Claim, samples: Samples, **settings: Any) -> Any:
     """The claim's number; NaN if the results lack the quantity.  Any other exception is a bug and is raised."""
     try:
-        return float(claim.number({f: replace(sample, draw=draw, scale=scale) for f, sample in samples.items()}))
+        return claim.number({family: replace(sample, **settings) for family, sample in samples.items()})
     except ResultsError:
         return float("nan")
-
-
-def _drawn(number: Callable[..., float]) -> tuple[float, float, float]:
-    """Value of a number and its 95 % interval from the draws; NaN if more than a tenth cannot be computed."""
-    drawn = np.array([number(draw=k) for k in range(statistics.DRAWS)])
-    known = drawn[np.isfinite(drawn)]
-    low, high = np.quantile(known, TAILS) if len(known) >= 0.9 * len(drawn) else (np.nan, np.nan)
-    return number(), low, high
-
-
-def inverted(number: Callable[..., float], draws: int = statistics.DRAWS // 2) -> tuple[float, float, float]:
-    """Value and 95 % interval of a distance, which errors mostly increase.
-
-    number(draw, scale): the distance with the differences multiplied by `scale`, and with the errors of a draw.  The
-    value is sqrt(found^2 - mean of squares of what errors alone give), at least 0.  The interval inverts a test: a true
-    distance, that of some scale without errors, is in it if the distance found lies within 95 % of those that the draws
-    give with this scale.
-    """
-    found = number()
-    alone = np.array([number(draw=k, scale=0.0) for k in range(draws)])
-    if not np.isfinite(found) or not np.isfinite(alone).all():
-        return found, np.nan, np.nan
-    reach = 1.0 + 2.0 * np.quantile(alone, TAILS[1]) / max(found, 1e-12)
-    scales = np.concatenate([[0.0], np.geomspace(min(0.25, 0.25 * reach), reach, 9)])
-    true = np.array([number(scale=scale) for scale in scales])
-    drawn = np.array([alone, *([number(draw=k, scale=scale) for k in range(draws)] for scale in scales[1:])])
-    low, high = np.maximum.accumulate(np.quantile(drawn, TAILS, axis=1), axis=1)
-    value = float(np.sqrt(max(found**2 - np.mean(alone**2), 0.0)))
-    return value, float(np.interp(found, high, true)), float(np.interp(found, low, true))

@@ -11,10 +11,10 @@ import numpy as np
 import pandas as pd
 
 from ..quantities import QUANTITIES
+from ..results.models import model_of, runs_needed, state_model
 from ..results.reader import Results, Runs
 from ..surrogates.surrogate import Surrogate
 from .columns import unit
-from .pooled_states import model_of, runs_needed, state_model
 
 #: Frictions that are tabled, as far as the runs reach.
 FRICTIONS = (0.065, 0.10, 0.15, 0.25, 0.40, 0.50, 0.65)

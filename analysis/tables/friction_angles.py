@@ -6,10 +6,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
+from ..results.models import model_of, runs_with_moments
 from ..results.reader import Results
 from .columns import with_interval
-from .moments import AS_SIMULATED, DENOISED, FEWEST, NUMBERS, POWER, kinds, with_refits
-from .pooled_states import joint_samples, model_of
+from .moments import AS_SIMULATED, DENOISED, NUMBERS, POWER, kinds, with_refits
+from .pooled_states import joint_samples
 
 
 def friction_angle_table(results: Results) -> pd.DataFrame:
@@ -25,7 +26,7 @@ def friction_angle_table(results: Results) -> pd.DataFrame:
             runs = results.runs_at(state, "eta", mu_iso)
             known = int(np.isfinite(results.measured(state, "eta", mu_iso)).sum())
             model = None
-            if known >= FEWEST and results.inputs["joint"]:
+            if known >= runs_with_moments(results) and results.inputs["joint"]:
                 model = model_of(results, runs._replace(values=friction_angle(runs.values)))
             numbers = dict.fromkeys((DENOISED, AS_SIMULATED), np.full(3 * len(NUMBERS), np.nan))
             if model is not None:

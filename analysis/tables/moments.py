@@ -10,15 +10,13 @@ from scipy.stats import qmc
 
 from ..inputs.measurements import measurements_behind, refitted_joints
 from ..quantities import QUANTITIES
+from ..results.models import runs_with_moments
 from ..results.reader import Results
 from ..surrogates.distribution import QUANTILE_LEVELS, Distribution, moments_and_quantiles
 from ..surrogates.surrogate import Surrogate
 from .columns import QUANTILES, unit, with_interval
 from .pooled_states import pooled_states
 
-#: Fewest runs of a density whose moments have intervals; with more than three inputs twice as many as the plane of
-#: the model has coefficients.
-FEWEST = 8
 #: log2 of the samples of the inputs, and of those through each refit of the inputs.
 POWER, REFITS = 9, 200
 DENOISED, AS_SIMULATED = "denoised", "as simulated"
@@ -35,9 +33,7 @@ def moments(results: Results) -> pd.DataFrame:
     measurements.  `packings`: their number; with one or two the intervals lack what all points share through them.
     """
     rows = []
-    for mu_iso, state, symbol, model, samples in pooled_states(
-        results, POWER, max(FEWEST, 2 * len(results.points.names) + 2)
-    ):
+    for mu_iso, state, symbol, model, samples in pooled_states(results, POWER, runs_with_moments(results)):
         factor = QUANTITIES[symbol].shown_factor
         found, runs_share = with_refits(results, model, samples)
         for kind, numbers in kinds(found):

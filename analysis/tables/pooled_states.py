@@ -1,4 +1,4 @@
-"""The model of every response and state of a density: inputs, packing and own noise, fitted to all its runs at once."""
+"""The states whose models the tables show, and samples of the inputs for them."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ import numpy as np
 from scipy.stats import qmc
 
 from ..inputs.joint import Joint
-from ..results.reader import Results, Runs
-from ..surrogates import surrogate
-from ..surrogates.basis import fewest_fitted, fewest_runs
+from ..results.models import runs_needed, state_model
+from ..results.reader import Results
 from ..surrogates.surrogate import Surrogate
 
 #: States and quantities that are pooled.
@@ -27,31 +26,6 @@ class PooledState(NamedTuple):
     symbol: str
     model: Surrogate
     samples: np.ndarray
-
-
-def state_model(results: Results, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> Surrogate | None:
-    """Model (one row) of a quantity at a state, in SI units; None with too few runs.  It is fitted once."""
-    key = ("state model", state, symbol, f"{mu_iso:g}", family)
-    return results.cached(key, lambda: model_of(results, results.runs_at(state, symbol, mu_iso, family), family))
-
-
-def curve_model(results: Results, symbol: str, mu_iso: float, family: str = "coupled") -> Surrogate | None:
-    """Model (T rows) of a response along strain, in SI units; None with too few runs.  It is fitted once."""
-    key = ("curve model", symbol, f"{mu_iso:g}", family)
-    return results.cached(key, lambda: model_of(results, results.runs_along(symbol, mu_iso, family), family))
-
-
-def model_of(results: Results, runs: Runs, family: str = "coupled") -> Surrogate | None:
-    """Model of the values of single runs; None with fewer than `fewest_fitted` of them, 5 for two inputs."""
-    inputs = results.family_points(family).x[runs.place]
-    if np.isfinite(runs.values).sum(axis=-1).min() < fewest_fitted(inputs.shape[1]):
-        return None
-    return surrogate.fit(inputs, runs.values, runs.packing)
-
-
-def runs_needed(results: Results) -> int:
-    """Runs of a density from which on errors are claimed from its model: 12 for two inputs, more for more."""
-    return fewest_runs(len(results.points.names))
 
 
 def pooled_states(results: Results, power: int, fewest: int = 0) -> Iterator[PooledState]:

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 
 from ..inputs.measurements import measurements_behind
+from ..results.models import runs_needed
 from ..results.reader import Results
 from . import published
-from .pooled_states import runs_needed
 from .states import initial_state
 
 #: Scatter of the stress ratio of one run of 1,000 spheres, in %; it falls with the root of the number of spheres

@@ -9,12 +9,12 @@ import pandas as pd
 
 from ..pdem import weighted
 from ..quantities import QUANTITIES
+from ..results.models import state_model
 from ..results.reader import JUDGED_STATES, Results
 from ..runs.archive import SAME_STATES
 from ..runs.states import OFF, PUSHED
 from ..surrogates.surrogate import FEWEST_PACKINGS
 from .columns import named, with_interval
-from .pooled_states import state_model
 
 #: Proof of a shear run -> words, and the limit beyond which a run fails (those of yade_scripts/proofs.py; NaN: none).
 PROOFS = {

@@ -9,10 +9,10 @@ import pandas as pd
 
 from ..inputs.joint import Joint
 from ..pdem import weighted
+from ..results.models import runs_needed
 from ..results.reader import Results
 from ..surrogates import stopping, surrogate
 from ..surrogates.rotation import nested_order
-from .pooled_states import runs_needed
 
 #: Share of the points beyond which kept and full surface are too much alike to test a claim.
 MOST = 0.7

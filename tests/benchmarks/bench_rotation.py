@@ -3,7 +3,8 @@
     /usr/bin/python3 tests/benchmarks/bench_rotation.py [errors | coverage | pairs | stopping ...]    (about 40 minutes)
     /usr/bin/python3 tests/benchmarks/bench_rotation.py --table
 
-Resumes row by row; without a name it does all four.  400 campaigns per row unless stated otherwise.  A campaign has n
+Resumes row by row; without a name it does all four.  400 campaigns per row unless stated otherwise (100 with 200
+points; the column `campaigns` has the number).  A campaign has n
 representative points of the inputs fitted to data/pairs_reconstructed.csv, which are dealt to R packings; a run is
 surface + packing + own noise, both in units of the standard deviation of the surface over the inputs (the laptop
 campaign: own 0.11 to 0.23 for peak eta, 0.3 for critical eta, 0.25 for e, 0.45 for Phi_dev; packing 0 to 0.26).
@@ -49,7 +50,7 @@ from analysis.surrogates import rotation, stopping, surrogate  # noqa: E402
 from analysis.surrogates.distribution import moments_and_quantiles  # noqa: E402
 
 FOLDER = ROOT / "data" / "benchmarks"
-CAMPAIGNS, REPLAYED, DENSITIES = 400, 100, 3
+CAMPAIGNS, FEW, REPLAYED, DENSITIES = 400, 100, 100, 3
 JOINT = fit_joint(read_pairs(ROOT / "data" / "pairs_reconstructed.csv"), n_boot=0).joint
 FINE = JOINT.inverse_rosenblatt(qmc.Sobol(2, seed=3).random_base2(12))
 COARSE = JOINT.inverse_rosenblatt(qmc.Sobol(2, seed=1).random_base2(9))
@@ -156,14 +157,25 @@ def core_hours(n: int, design: str | int) -> float:
 def errors() -> None:
     """Rows of rotation_errors.csv."""
     path, keys = FOLDER / "rotation_errors.csv", ("response", "shared", "n", "packings")
-    columns = (*keys, "surface", "own", "core_hours", *(f"{name}_raw" for name in (*NAMES, "W1")), *NAMES, "W1")
+    columns = (
+        *keys,
+        "surface",
+        "own",
+        "campaigns",
+        "core_hours",
+        *(f"{name}_raw" for name in (*NAMES, "W1")),
+        *NAMES,
+        "W1",
+    )
     known = bench_rows.finished(path, keys)
     for (n, count), shared, response in product([(100, "old"), *DESIGNS], SHARED, RESPONSES):
         if tuple(map(bench_rows.written, (response, shared, n, count))) in known:
             continue
         (surface, own), old = RESPONSES[response], count == "old"
         values = old_design(surface, own, shared) if old else campaigns(surface, "normal", own, shared, n, count)
+        values = values[:FEW] if n > 100 else values
         row = {"response": response, "shared": shared, "n": n, "packings": count, "surface": surface, "own": own}
+        row["campaigns"] = len(values)
         row["core_hours"] = core_hours(n, count)
         row |= errors_of(surface, values, n, None if old else packings(n, count))
         bench_rows.append(path, columns, row)

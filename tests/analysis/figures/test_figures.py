@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import re
 from dataclasses import asdict
@@ -91,6 +92,37 @@ def test_state_pdfs_enclose_one_in_shown_units_with_every_point_below(results):
             1e-6 * results.state("probe", "G_0", mu_iso) @ results.probability(mu_iso), rel=1e-3
         )
         assert rug.get_xdata() == pytest.approx(1e-6 * results.state("probe", "G_0", mu_iso))
+
+
+@pytest.fixture(scope="module")
+def eight_points(tmp_path_factory):
+    """Eight points in four packings; the noise of a run is 0.3 of the spread of the stress ratio."""
+    folder = tmp_path_factory.mktemp("eight")
+    made = synthetic.make_campaign(folder, n=8, noise=0.03, packings=(1, 2, 3, 4))
+    return read_results(build_results(folder, *made))
+
+
+def test_a_state_is_shown_as_simulated_too_where_noise_makes_a_visible_difference(eight_points):
+    axis = Figure().subplots()
+    panels.state_pdfs(axis, eight_points, "critical", "eta")
+    shown = [line for line in axis.lines if line.get_marker() == "None" and len(line.get_xdata())]
+    thin = [line for line in shown if line.get_linewidth() == panels.THIN]
+    both = [(panels.denoised_pdf(eight_points, "critical", "eta", mu_iso),
+             panels.state_pdf(eight_points, "critical", "eta", mu_iso)) for mu_iso in synthetic.DENSITIES]  # fmt: skip
+    differ = [panels.differ_visibly(*pdfs) for pdfs in both]
+    assert len(thin) == sum(differ) > 0 and len(shown) == 3 + sum(differ)
+    assert [text.get_text() for text in axis.get_legend().get_texts()] == ["denoised", "as simulated"]
+    denoised, simulated = both[differ.index(True)]
+    thick = [line.get_ydata() for line in shown if line not in thin]
+    assert np.array_equal(thick[differ.index(True)], denoised.p[0])
+    assert np.array_equal(thin[0].get_ydata(), simulated.p[0])
+
+
+def test_pdfs_that_nearly_agree_are_not_shown_twice(eight_points):
+    pdf = panels.state_pdf(eight_points, "critical", "eta", 0.1)
+    width = weighted.std(pdf.x, pdf.p[0])
+    for shift, visible in ((0.02, False), (0.5, True), (20.0, True)):
+        assert panels.differ_visibly(pdf, dataclasses.replace(pdf, x=pdf.x + shift * width)) == visible
 
 
 def test_contours_lie_where_the_density_is(results):

@@ -13,7 +13,7 @@ from analysis import tables
 from analysis.pdem import weighted
 from analysis.quantities import QUANTITIES
 from analysis.results.reader import ResultsError, read_results
-from analysis.tables import claim_statistics, published, states
+from analysis.tables import claim_samples, claim_statistics, published, states
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +80,7 @@ def test_initial_state_of_points_is_weighted():
 def test_the_claim_on_initial_states_is_about_the_scatter_of_their_consolidations():
     results = synthetic.consolidated_per_point(read_results(synthetic.example()), packings=(1, 2, 3))
     e = np.array([0.6, 0.7, 0.8, 0.61, 0.62, 0.63, 0.64])
-    claimed = claim_statistics.initial_cov({"coupled": claim_statistics.sample(results, "coupled")})
+    claimed = claim_statistics.initial_cov({"coupled": claim_samples.sample(results, "coupled")})
     assert claimed == pytest.approx(e.std(ddof=1) / e.mean())
 
 
