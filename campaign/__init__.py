@@ -9,11 +9,14 @@ A module imports only modules that stand above it in this list:
     run_one                     supervises one run in YADE (`row`: its former name, for tasks that wait in SLURM)
     plan, cell                  the table of runs and its cost; cells too thin
     choice, prepare             fitted or stated inputs and their points; the files that a campaign starts from
-    products                    the status of every run
+    products, estimate          the status of every run; the work and the time to go
     batches                     sequential stopping: points in batches until the target error is reached
     engine_local, engine_slurm  run what is missing, on this machine or on a cluster
     status, evaluate            counts and costs; results.h5, tables, figures and report
     sweep_values, sweep         one campaign per value of a key: its settings; shared products, table and figure
+    compare, prune              several campaigns side by side, results for other programs; products without a use
+    commands                    what each command does
+    pythons                     which Python has the packages that are needed
     __main__                    the command line
 
 `yade_scripts` is started, never imported. From `analysis` the modules `errors_and_files` and `quantities`, which need

@@ -1,37 +1,30 @@
-"""The command line: python3 -m campaign {plan,run,status,missing,analyse,archive,report,sweep,all} CONFIG [options]"""
+"""The command line: python3 -m campaign COMMAND ..., or grain-scatter COMMAND ... where the package is installed."""
 
 from __future__ import annotations
 
+if __name__ == "__main__":  # before the other imports, which need Python 3.11
+    from campaign.pythons import go_on_with_packages
+
+    go_on_with_packages("campaign")
+
 import argparse
-import json
 import os
-import shutil
 import sys
 from argparse import Namespace
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
+from analysis import __version__
 from analysis.errors_and_files import GrainScatterError
-from analysis.quantities import CRITICAL_BLOCK, CRITICAL_FROM
-from campaign import batches, engine_local, engine_slurm, evaluate
-from campaign.cell import check_cell
-from campaign.config import MOST_JOBS, ROOT, Config, ConfigError, read_config
-from campaign.plan import PlannedRun, collapsing, make_rows, predicted_cost, write_plan
-from campaign.prepare import describe_inputs, prepare, read_planned_points
-from campaign.products import run_statuses
-from campaign.run_one import FREE_BYTES
+from campaign import commands
+from campaign.config import COMMAND, INSTALLED, MOST_JOBS, ROOT, RUNS, Config, ConfigError, read_config
+from campaign.pythons import missing_package
 from campaign.scope import SCOPE
-from campaign.status import campaign_status, status_text
-from campaign.sweep import run_sweep
-from campaign.sweep_values import variants
-
-if TYPE_CHECKING:
-    from analysis.points import RepresentativePoints
 
 CONFIG = "the TOML file of a campaign, such as campaign/demo.toml"
+RESULTS = "a results.h5, the folder of a campaign, or its TOML file"
 #: The results in the repository.
 LAPTOP = "data/laptop/results.h5"
 
@@ -43,12 +36,15 @@ def main(argv: list[str] | None = None) -> int:
     """
     options = _parser().parse_args(argv)
     try:
-        if options.command == "report" and options.config.endswith(".h5"):
-            return report_file(Path(options.config), options)
+        command = COMMANDS[options.command]
+        if command.source != CONFIG:
+            return command.run([_results(source) for source in options.sources], options)
+        if options.command == "report" and (options.config.endswith(".h5") or Path(options.config).is_dir()):
+            return commands.report_file(_results(options.config), options)
         config = _config(options)
         name = f"{config.name}_sweep" if options.command == "sweep" else config.name
-        folder = Path(options.folder) if options.folder else ROOT / "runs" / name
-        return COMMANDS[options.command].run(config, folder, options)
+        folder = Path(options.folder) if options.folder else RUNS / name
+        return command.run(config, folder, options)
     except KeyboardInterrupt:
         print("stopped; the same command goes on from here", file=sys.stderr)
         return 130
@@ -58,8 +54,7 @@ def main(argv: list[str] | None = None) -> int:
     except ModuleNotFoundError as error:
         if str(error.name).split(".")[0] in ("analysis", "campaign"):
             raise
-        print(f"campaign: {error.name}: no such package for {sys.executable}; `make setup` installs it for "
-              "/usr/bin/python3", file=sys.stderr)  # fmt: skip
+        print(f"campaign: {missing_package(str(error.name))}", file=sys.stderr)
         return 2
     except OSError as error:
         print(f"campaign: {error.filename or ''}: {error.strerror or error}", file=sys.stderr)
@@ -84,14 +79,22 @@ def _config(options: Namespace) -> Config:
     return replace(config, run=replace(config.run, **run_keys))
 
 
+def _results(source: str) -> Path:
+    """The results file that a results file, a campaign's folder or a campaign file stands for."""
+    if Path(source).is_dir():
+        return Path(source) / "results.h5"
+    return RUNS / read_config(source).name / "results.h5" if source.endswith(".toml") else Path(source)
+
+
 def _parser() -> argparse.ArgumentParser:
     """The parser; a command accepts only the options it uses."""
     parser = argparse.ArgumentParser(
-        prog="python3 -m campaign",
+        prog=COMMAND,
         description="Stochastic DEM campaigns with YADE.",
         epilog=SCOPE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    parser.add_argument("--version", action="version", version=f"grain-scatter {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     parents = {}
     for flag, settings in OPTIONS.items():
@@ -101,223 +104,76 @@ def _parser() -> argparse.ArgumentParser:
         sub = commands.add_parser(
             name, help=command.help, description=command.help, parents=[parents[flag] for flag in command.options]
         )
-        if name == "report":
-            text = f"{CONFIG}, or a results.h5 (default: {LAPTOP})"
-            sub.add_argument("config", metavar="CONFIG", nargs="?", default=str(ROOT / LAPTOP), help=text)
+        if command.source != CONFIG:
+            sub.add_argument("sources", metavar="RESULTS", nargs=command.count, help=command.source)
+        elif name == "report":
+            default: dict[str, Any] = {} if INSTALLED else {"nargs": "?", "default": str(ROOT / LAPTOP)}
+            text = f"{CONFIG}, or {RESULTS[: RESULTS.rindex(',')]}" + ("" if INSTALLED else f" (default: {LAPTOP})")
+            sub.add_argument("config", metavar="CONFIG", help=text, **default)
         else:
             sub.add_argument("config", metavar="CONFIG", help=CONFIG)
     return parser
 
 
-def plan(config: Config, folder: Path, options: Namespace) -> int:
-    """Plan the campaign and print the fitted inputs, the points and the predicted cost."""
-    _plan_and_print(config, folder)
-    return 0
-
-
-def _plan_and_print(config: Config, folder: Path) -> list[PlannedRun]:
-    rows, points, outcome = _plan(config, folder)
-    count = len(points)
-    lines, warnings = describe_inputs(folder, points)
-    if config.shear.strain_end < CRITICAL_FROM + CRITICAL_BLOCK:
-        warnings.append(
-            f"shear.strain_end = {config.shear.strain_end:g}: critical states are judged between strains "
-            f"{CRITICAL_FROM:g} and strain_end, at least {CRITICAL_FROM + CRITICAL_BLOCK:g}; none will be given"
-        )
-    print("\n".join([*lines, *(f"warning: {warning}" for warning in warnings)]))
-    print(f"{config.name}: {count} points {outcome}, {len(rows)} runs in {_shown(folder)}")
-    print(f"{'':12}{'runs':>8}{'particle-steps':>18}{'core-hours':>12}   (predicted)")
-    for stage, cost in predicted_cost(rows).items():
-        print(f"{stage:12}{cost['runs']:>8}{cost['particle_steps']:>18.2e}{cost['core_hours']:>12.2f}")
-    for mu_iso, lower in collapsing(rows).items():
-        print(f"mu_iso = {mu_iso:g}: {lower} of {count} points have a lower mu_s; there the packing collapses when the "
-              "grains take on their own mu_s; e then depends on the grains' inertia, by under 1 %")  # fmt: skip
-    return rows
-
-
-def run(config: Config, folder: Path, options: Namespace) -> int:
-    """Plan the campaign and run what is missing. Exit codes: 0 all done, 1 runs failed, 3 runs are still missing."""
-    rows, points, outcome = _plan(config, folder)
-    if outcome != "kept":
-        for warning in describe_inputs(folder, points)[1]:
-            print(f"warning: {warning}", file=sys.stderr)
-    return _run(config, folder, rows, options)
-
-
-def _run(config: Config, folder: Path, rows: Sequence[PlannedRun], options: Namespace) -> int:
-    if config.run.engine == "slurm":
-        step = batches.next_step(config, folder, rows)
-        print(engine_slurm.submit_missing(config, folder, rows, again=options.failed, spared=step.spared))
-        return 0
-    again = iter([options.failed])  # failed runs are repeated once, not once per batch of points
-
-    def engine(spared: frozenset[str]) -> int:
-        return engine_local.run_missing(
-            config, folder, rows, again=next(again, False), quiet=options.quiet, spared=spared
-        )
-
-    added = batches.run_in_steps(config, folder, rows, engine)
-    status = campaign_status(config, folder, rows)
-    counts = status["counts"]["total"]
-    spared = f", {counts['spared']} spared" if counts["spared"] else ""
-    print(f"{config.name}: {added} runs finished now, {counts['done']} of {counts['total']} done{spared}")
-    for failure in status["failures"]:
-        print(f"{failure['state']}: {failure['run_id']}: {failure['reason']}", file=sys.stderr)
-    if counts["unknown"]:
-        print(f"campaign: {counts['unknown']} runs are unknown: their files cannot be read now", file=sys.stderr)
-        return 3
-    still_missing = counts["missing"] + counts["refused"]
-    if still_missing:
-        print(f"campaign: {still_missing} runs are still missing: {_why_missing(folder, rows)}", file=sys.stderr)
-        return 3
-    return 1 if counts["failed"] else 0
-
-
-def _why_missing(folder: Path, rows: Sequence[PlannedRun]) -> str:
-    """Why runs are missing: the disk is full, or the last line in the log of the first missing run."""
-    free = shutil.disk_usage(folder).free
-    if free < FREE_BYTES:
-        return f"no space left on the disk ({free >> 20} MiB free)"
-    for row in rows:
-        log = folder / "logs" / f"{row.run_id}.log"
-        if not (folder / row.product).exists() and log.exists():
-            lines = [t for t in log.read_text(errors="replace").split("=====")[0].splitlines() if t.strip()]
-            return f"{row.run_id}: {lines[-1].strip()[:200]}" if lines else str(log)
-    return "no log was written"
-
-
-def status(config: Config, folder: Path, options: Namespace) -> int:
-    """Print the status of a planned campaign; nothing is planned or run."""
-    status = campaign_status(config, folder, _planned_rows(config, folder), rehash=options.check)
-    print(json.dumps(status, indent=1) if options.json else status_text(status))
-    return 3 if status["counts"]["total"]["unknown"] else 0
-
-
-def missing(config: Config, folder: Path, options: Namespace) -> int:
-    """Print the ids of the runs without a usable product."""
-    rows = _planned_rows(config, folder)
-    spared = batches.spared(config, folder, rows)
-    statuses = run_statuses(folder, rows, rehash=options.check, spared=spared)
-    for row in rows:
-        if statuses[row.run_id].status in ("missing", "refused"):
-            print(row.run_id)
-    unknown = [status for status in statuses.values() if status.status == "unknown"]
-    for state in unknown:
-        print(f"campaign: unknown: {state.run_id}: {state.reason}", file=sys.stderr)
-    return 3 if unknown else 0
-
-
-def analyse(config: Config, folder: Path, options: Namespace) -> int:
-    """Write results.h5 and the tables."""
-    line, _ = evaluate.analyse(config, folder, _planned_rows(config, folder))
-    print(line)
-    return 0
-
-
-def archive(config: Config, folder: Path, options: Namespace) -> int:
-    """Write runs.h5."""
-    print(evaluate.archive(folder, _planned_rows(config, folder)))
-    return 0
-
-
-def report(config: Config, folder: Path, options: Namespace) -> int:
-    """Write the figures and report.html, and the figures for print if wanted."""
-    print(evaluate.report(config, folder, wanted=_print(options)))
-    return 0
-
-
-def report_file(results: Path, options: Namespace) -> int:
-    """Write tables, figures and report.html of a results file, beside the file or into a folder."""
-    folder = Path(options.folder) if options.folder else results.parent
-    print(evaluate.report_of_file(results, folder, _print(options)))
-    return 0
-
-
-def _print(options: Namespace) -> evaluate.Print | None:
-    """The figures for print that the options ask for, or None. Raises ConfigError for a value that is not possible."""
-    given = {key: value for key in ("columns", "dpi") if (value := getattr(options, key)) is not None}
-    if options.figures is None:
-        if given:
-            raise ConfigError(f"--{next(iter(given))} has an effect with --figures only")
-        return None
-    return evaluate.Print(options.figures, **given)
-
-
-def everything(config: Config, folder: Path, options: Namespace) -> int:
-    """Plan, run, analyse and report; ends after `run` if runs are still missing, or wait in SLURM."""
-    rows = _plan_and_print(config, folder)
-    code = _run(config, folder, rows, options)
-    if code > 1 or config.run.engine == "slurm":
-        return code
-    line, frames = evaluate.analyse(config, folder, rows)
-    print(line)
-    print(evaluate.report(config, folder, frames))
-    return 0
-
-
-def sweep(config: Config, folder: Path, options: Namespace) -> int:
-    """Plan, run, analyse and report one campaign per value of a key; write a table and a figure of the states."""
-    key, campaigns = variants(config, options.set, options.along)
-    return run_sweep(
-        key, campaigns, folder, lambda one, place: _plan(one, place)[0],
-        lambda one, place: everything(one, place, options),
-    )  # fmt: skip
-
-
-def _plan(config: Config, folder: Path) -> tuple[list[PlannedRun], RepresentativePoints, str]:
-    """Plan the campaign; the rows, the points and what was done with them."""
-    if "sigma_ln" not in config.variables:
-        check_cell(config)
-    points, outcome = prepare(config, folder, partial(check_cell, config))
-    rows = make_rows(config, points)
-    for name in write_plan(rows, folder):
-        print(f"note: {name} was edited by hand; written anew from the campaign file", file=sys.stderr)
-    return rows, points, outcome
-
-
-def _planned_rows(config: Config, folder: Path) -> list[PlannedRun]:
-    """The rows of a planned campaign; nothing is written."""
-    return make_rows(config, read_planned_points(config, folder))
-
-
-def _shown(path: Path) -> str:
-    return os.path.relpath(path) if len(os.path.relpath(path)) < len(str(path)) else str(path)
-
-
 @dataclass(frozen=True)
 class Command:
-    """One command: its function, its line of help, and the options that it accepts."""
+    """One command: its function, its line of help, the options that it accepts, and what it is given.
 
-    run: Callable[[Config, Path, Namespace], int]
+    With the source CONFIG, `run` takes a Config, the campaign's folder and the options; with RESULTS, the paths of
+    `count` results files and the options.
+    """
+
+    run: Callable[..., int]
     help: str
     options: tuple[str, ...]
+    source: str = CONFIG
+    count: str | int = 1
 
 
 RUN_OPTIONS = ("--folder", "--jobs", "--engine", "--failed", "--quiet")
 COMMANDS = {
     "plan": Command(
-        plan, "fit the inputs, choose the points, write the tables of runs, predict the cost", ("--folder",)
+        commands.plan, "fit the inputs, choose the points, write the tables of runs, predict the cost", ("--folder",)
     ),
-    "run": Command(run, "run what is missing", RUN_OPTIONS),
+    "run": Command(commands.run, "run what is missing", RUN_OPTIONS),
     "status": Command(
-        status, "print how many runs are done, running, failed and missing", ("--folder", "--jobs", "--json", "--check")
+        commands.status,
+        "print how many runs are done, running, failed and missing",
+        ("--folder", "--jobs", "--json", "--check"),
     ),
-    "missing": Command(missing, "list the runs without a usable product", ("--folder", "--check")),
-    "analyse": Command(analyse, "compute metrics, PDFs and tables; write results.h5 and tables/", ("--folder",)),
+    "missing": Command(commands.missing, "list the runs without a usable product", ("--folder", "--check")),
+    "analyse": Command(
+        commands.analyse, "compute metrics, PDFs and tables; write results.h5 and tables/", ("--folder",)
+    ),
     "archive": Command(
-        archive, "write runs.h5, a compact archive of all runs; product files can then be deleted", ("--folder",)
+        commands.archive,
+        "write runs.h5, a compact archive of all runs; product files can then be deleted",
+        ("--folder",),
     ),
     "report": Command(
-        report,
+        commands.report,
         "draw figures and report.html; given a results.h5 instead of CONFIG, also write the tables",
-        ("--folder", "--figures", "--columns", "--dpi"),
+        ("--folder", "--figures", "--columns", "--dpi", "--interactive"),
+    ),
+    "compare": Command(
+        commands.compare_results,
+        "compare campaigns: settings, responses along strain, and moments with intervals, as HTML and CSV",
+        ("--to",),
+        RESULTS,
+        "+",
+    ),
+    "export": Command(
+        commands.export_results, "write all results as tidy CSV files, or as an Excel file", ("--to",), RESULTS
     ),
     "sweep": Command(
-        sweep,
+        commands.sweep,
         "do all this for several values of a key; one table and one figure of the states",
         ("--folder", "--jobs", "--failed", "--quiet", "--set", "--with"),
-    ),  # fmt: skip
-    "all": Command(everything, "plan, run, analyse and report; nothing is done twice", RUN_OPTIONS),
+    ),
+    "prune": Command(
+        commands.prune, "list the products that are stale or refused; --yes removes them", ("--folder", "--yes")
+    ),
+    "all": Command(commands.everything, "plan, run, analyse and report; nothing is done twice", RUN_OPTIONS),
 }
 OPTIONS: dict[str, dict] = {
     "--folder": {"help": "folder of the campaign (default: runs/<name>; for a results.h5: the folder it is in)"},
@@ -350,6 +206,12 @@ OPTIONS: dict[str, dict] = {
         "type": int,
         "help": "dots per inch of a png, and of the surfaces in a pdf or svg, from 72 to 1200 (default: 600)",
     },
+    "--interactive": {
+        "action": "store_true",
+        "help": "also write explore.html, a page to explore the results in a browser (needs plotly)",
+    },
+    "--to": {"metavar": "PATH", "help": "folder of the output; for export also a file, such as results.xlsx"},
+    "--yes": {"action": "store_true", "help": "remove the files that are listed"},
     "--json": {"action": "store_true", "help": "print JSON, for scripts"},
     "--check": {
         "action": "store_true",

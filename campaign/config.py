@@ -23,7 +23,17 @@ from campaign.scope import out_of_scope
 if TYPE_CHECKING:
     from analysis.inputs.sieve_curve import SieveCurve
 
+#: The folder that holds analysis/, campaign/, yade_scripts/ and data/: the repository, or the installed package.
 ROOT = Path(__file__).resolve().parent.parent
+INSTALLED = (ROOT / "__init__.py").exists()
+#: How a person starts the command line, and where its campaigns are.
+COMMAND = "grain-scatter" if INSTALLED else "python3 -m campaign"
+RUNS = Path("runs") if INSTALLED else ROOT / "runs"
+#: How to install YADE, in one sentence.
+INSTALL_YADE = (
+    "on Debian and Ubuntu `apt-get install yade` (or `make setup`) installs YADE; other systems have plan, analyse and "
+    "report, and make their runs on a cluster or in a container (Dockerfile)"
+)
 #: Largest number of runs at once, of the key run.jobs and of the option --jobs.
 MOST_JOBS = 4096
 #: Kind of a key that is a list of random seeds, or a number of them: n stands for the seeds 1 to n.
@@ -260,8 +270,13 @@ def find_file(source: Path, full: str, name: str) -> Path:
 
 
 def read_config(path: str | Path) -> Config:
-    """Read and check a campaign file. Raises ConfigError with one line that names the file, key, value and limit."""
+    """Read and check a campaign file. Raises ConfigError with one line that names the file, key, value and limit.
+
+    A name without a folder that is no file here, such as "demo.toml", is that of a campaign file of the project.
+    """
     path = Path(path)
+    if path.parent == Path() and not path.exists() and (ROOT / "campaign" / path.name).is_file():
+        path = ROOT / "campaign" / path.name
     try:
         text = decoded(path.read_bytes(), path, ConfigError)
     except OSError as error:

@@ -17,16 +17,19 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from campaign.config import ROOT, Config, jobs
+from campaign.config import INSTALL_YADE, ROOT, Config, jobs
+from campaign.estimate import estimate
 from campaign.files import say_once, write_text
 from campaign.folder import OWNER, RunError, folder_lock, holder, is_locked, open_plain, write_failure
 from campaign.plan import STAGES, PlannedRun, script, yade_table
 from campaign.products import RunStatus, clear_the_way, run_statuses, set_aside, write_blocked
-from campaign.progress import Progress, bar, span
+from campaign.progress import Progress, progress_line, span
 from campaign.run_one import FREE_BYTES, die_with_parent, run_environment
 
 #: Disk space that a product needs per grain, bytes: a snapshot takes about 600, and a product has about six.
 BYTES_PER_GRAIN = 4000
+#: Shortest time between two looks at the products for the line of progress, seconds.
+LOOK_SECONDS = 2.0
 
 
 def run_missing(
@@ -70,7 +73,7 @@ def _check_machine(folder: Path, missing: Sequence[PlannedRun], config: Config) 
     batch = os.environ.get("CAMPAIGN_YADE_BATCH", "yade-batch")
     for program in (batch, os.environ.get("CAMPAIGN_YADE", "yade")):
         if shutil.which(program) is None:
-            raise RunError(f"{program}: no such program; `make setup` installs YADE")
+            raise RunError(f"{program}: no such program; {INSTALL_YADE}")
     need = len(missing) * config.assembly.N * BYTES_PER_GRAIN + FREE_BYTES
     free = shutil.disk_usage(folder).free
     if free < need:
@@ -172,26 +175,25 @@ def _in_child() -> None:
 
 
 class _Watch:
-    """Counts products as they appear and estimates the time to go from the pace of the runs so far."""
+    """Shows how many runs are done, and the time to go as `status` estimates it."""
 
     def __init__(self, rows: Sequence[PlannedRun], statuses: dict[str, RunStatus], config: Config, quiet: bool):
-        rows = [row for row in rows if statuses[row.run_id].status != "spared"]
-        self.total = len(rows)
-        self.before = sum(status.status == "done" for status in statuses.values())
-        self.cost = {row.run_id: row.cpu_seconds for row in rows if statuses[row.run_id].status != "done"}
-        self.began, self.progress = time.monotonic(), Progress(quiet)
+        self.rows = [row for row in rows if statuses[row.run_id].status != "spared"]
+        self.places, self.progress = jobs(config), Progress(quiet)
+        self.began, self.next_look = time.monotonic(), 0.0
 
     def show_progress(self, folder: Path) -> None:
         """Show the runs that are done, running and failed, the time so far and the time to go."""
-        names = os.listdir(folder / "products")
-        done = [n[:-3] for n in names if n.endswith(".h5") and n[:-3] in self.cost]
-        failed = [n for n in names if n.endswith(".failed.json") and n.removesuffix(".failed.json") in self.cost]
-        running = sum(n.endswith(".lock") for n in names)
-        seconds = time.monotonic() - self.began
-        share = sum(self.cost[run_id] for run_id in done) / sum(self.cost.values())
-        text = f"{bar(self.before + len(done), self.total)} · {running} running"
-        text += f" · {len(failed)} failed" if failed else ""
-        text += f" · {span(seconds)} so far"
-        if done:
-            text += f" · about {span(seconds * (1 - share) / share)} to go"
-        self.progress.show(text)
+        now = time.monotonic()
+        if self.progress.quiet or now < self.next_look:
+            return
+        self.progress.show(self.line(run_statuses(folder, self.rows), now - self.began))
+        self.next_look = time.monotonic() + max(LOOK_SECONDS, 50 * (time.monotonic() - now))
+
+    def line(self, statuses: dict[str, RunStatus], seconds: float) -> str:
+        """Return the line of progress after so many seconds."""
+        count = {word: sum(s.status == word for s in statuses.values()) for word in ("done", "running", "failed")}
+        words = [f"{count['running']} running"] + [f"{count['failed']} failed"] * bool(count["failed"])
+        to_go = estimate(self.rows, statuses, self.places).seconds
+        words += [f"{span(seconds)} so far", f"about {span(to_go)} to go"]
+        return progress_line(count["done"], len(self.rows), words, self.progress.width)

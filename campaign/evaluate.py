@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import importlib.util
 import json
 import math
 from collections.abc import Sequence
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from analysis.results.build import CampaignInfo
+    from analysis.results.reader import Results
 
     Frames = dict[str, pd.DataFrame]
 
@@ -147,31 +149,51 @@ def _print_figures(path: Path, folder: Path, wanted: Print | None, frames: Frame
     return f"\n{target}: {len(paths)} figures for print ({wanted.file_format}, columns: {wanted.columns})"
 
 
-def report(config: Config, folder: Path, frames: Frames | None = None, wanted: Print | None = None) -> str:
+def report(
+    config: Config, folder: Path, frames: Frames | None = None, wanted: Print | None = None, interactive: bool = False
+) -> str:
     """Draw the figures and write report.html from the folder's results.h5; draw the figures for print, if wanted.
 
-    frames: the tables of these results, if they have been computed already. Returns a line on each thing that was done.
-    Raises PlanError if there is no results.h5 or it was made with other settings, and the analysis' errors.
+    interactive: write explore.html, too. frames: the tables of these results, if they have been computed already.
+    Returns a line on each thing that was done. Raises PlanError if there is no results.h5 or it was made with other
+    settings, ConfigError if explore.html is wanted and plotly is not installed, and the analysis' errors.
     """
     path = folder / "results.h5"
     if not path.exists():
         raise PlanError(f"{folder}: has no results.h5; `analyse` makes it")
     if changed := _changed_setting(config, path):
         raise PlanError(f"{path}: was made with other settings ({changed}); `analyse` makes it again")
+    _check_interactive(interactive)
+    from analysis.results import read_results
+
     stat = path.stat()
     digest = hashlib.sha256(f"{stat.st_size} {stat.st_mtime_ns} {code_digest(ANALYSIS)}".encode()).hexdigest()
     note = read_json(folder / NOTE, {})
     if note.get("report") == digest and (folder / "report.html").exists():
-        return f"{folder.name}: report.html is up to date" + _print_figures(path, folder, wanted, frames)
+        line = f"{folder.name}: report.html is up to date" + _print_figures(path, folder, wanted, frames)
+        return line + (_explore(read_results(path), folder) if interactive else "")
     from analysis.report import write_report
-    from analysis.results import read_results
     from analysis.tables import evaluate
 
     results = read_results(path)
     frames = evaluate(results) if frames is None else frames
     page = write_report(results, frames, folder)
     write_json(folder / NOTE, note | {"report": digest})
-    return f"{folder.name}: {page}" + _print_figures(path, folder, wanted, frames)
+    line = f"{folder.name}: {page}" + _print_figures(path, folder, wanted, frames)
+    return line + (_explore(results, folder) if interactive else "")
+
+
+def _check_interactive(interactive: bool) -> None:
+    """Raise ConfigError, before anything is computed, if explore.html is wanted and plotly is not installed."""
+    if interactive and importlib.util.find_spec("plotly") is None:
+        raise ConfigError("--interactive needs plotly, which is not installed (Debian: python3-plotly; PyPI: plotly)")
+
+
+def _explore(results: Results, folder: Path) -> str:
+    """Write explore.html; one more line."""
+    from analysis.report.explore import write_explore
+
+    return f"\n{write_explore(results, folder)}"
 
 
 def _settings(config: Config) -> dict[str, Any]:
@@ -209,12 +231,13 @@ def _changed_setting(config: Config, results: Path) -> str:
     return ""
 
 
-def report_of_file(path: Path, folder: Path, wanted: Print | None = None) -> str:
+def report_of_file(path: Path, folder: Path, wanted: Print | None = None, interactive: bool = False) -> str:
     """Write tables, figures and report.html of a results file into a folder; nothing else of the campaign is needed.
 
-    Draws the figures for print, too, if wanted. Returns a line on each thing that was done. Raises
-    analysis.results.ResultsError for a file that cannot be used.
+    Draws the figures for print and writes explore.html, too, if wanted. Returns a line on each thing that was done.
+    Raises analysis.results.ResultsError for a file that cannot be used.
     """
+    _check_interactive(interactive)
     from analysis.report import write_report
     from analysis.results import read_results
     from analysis.tables import evaluate, write_tables
@@ -224,7 +247,7 @@ def report_of_file(path: Path, folder: Path, wanted: Print | None = None) -> str
     frames = evaluate(results)
     written = write_tables(frames, folder)
     line = f"{path}: {len(written)} tables and {write_report(results, frames, folder)}"
-    return line + _print_figures(path, folder, wanted, frames)
+    return line + _print_figures(path, folder, wanted, frames) + (_explore(results, folder) if interactive else "")
 
 
 def plan_frame(folder: Path, rows: Sequence[PlannedRun], spared: frozenset[str] = frozenset()) -> pd.DataFrame:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from analysis.errors_and_files import atomic_write, digest, write_hdf5
 from campaign.choice import PlanError, choose, refuse_impossible
-from campaign.config import Config, assembly_file, grains_file, inputs_settings
+from campaign.config import COMMAND, Config, assembly_file, grains_file, inputs_settings
 from campaign.files import read_json, write_json, write_text
 from campaign.folder import folder_lock
 from campaign.plan import OWN_GRAINS, packing_of_points
@@ -120,7 +120,7 @@ def read_points(folder: Path) -> RepresentativePoints:
     try:
         text = path.read_text(encoding="utf-8")
     except OSError:
-        raise PlanError(f"{folder}: has no plan yet; run `python3 -m campaign plan CONFIG` first") from None
+        raise PlanError(f"{folder}: has no plan yet; run `{COMMAND} plan CONFIG` first") from None
     if inputs.get("points_digest") != digest(text.encode(), 16):
         raise PlanError(f"{path}: was changed since the points were chosen; restore it, or delete it to choose again")
     names = {"names": tuple(inputs["names"])} if "names" in inputs else {}

@@ -16,6 +16,7 @@ import os
 import re
 import subprocess
 import sys
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -107,7 +108,7 @@ def run_statuses(
         elif f"{row.run_id}.failed.json" in names:
             status = _failed(products, row, statuses)
         elif f".{row.run_id}.lock" in names and is_locked(products / f".{row.run_id}.lock"):
-            status = RunStatus(row.run_id, "running")
+            status = RunStatus(row.run_id, "running", "", {"elapsed": _elapsed(products / f".{row.run_id}.lock")})
         elif row.start and (start := statuses.get(row.start)) and start.status == "failed":
             status = RunStatus(row.run_id, "failed", f"its start {start.run_id} failed", {"blocked": start.run_id})
         else:
@@ -119,6 +120,13 @@ def run_statuses(
         with contextlib.suppress(OSError):  # a folder that cannot be written can still be read
             write_json(products / CHECKED, checked)
     return statuses
+
+
+def _elapsed(lock: Path) -> float:
+    """Seconds since a run wrote its lock, which it does when it begins."""
+    with contextlib.suppress(OSError):
+        return max(0.0, time.time() - lock.stat().st_mtime)
+    return 0.0
 
 
 def archived(folder: Path) -> dict[str, dict[str, Any]]:

@@ -5,12 +5,33 @@ from __future__ import annotations
 import shutil
 import sys
 import time
+from collections.abc import Sequence
 
 
 def bar(done: int, total: int, width: int = 30) -> str:
     """Return a bar of `width` characters and the count, such as "[###---] 5/10 runs"."""
+    return f"[{_hashes(done, total, width)}] {done}/{total} runs"
+
+
+def progress_line(done: int, total: int, words: Sequence[str], width: int) -> str:
+    """Return one line of at most `width` characters: a bar, which gets shorter or is left out, the count, and words.
+
+    Where the words do not fit, the last but one is left out, and so on: the last one is the most important.
+    """
+    words = list(words)
+    while True:
+        text = " · ".join([f"{done}/{total} runs", *words])
+        room = width - len(text) - len("[] ")
+        if room >= 5:
+            return f"[{_hashes(done, total, min(room, 30))}] {text}"
+        if len(text) <= width or len(words) < 2:
+            return text[:width]
+        del words[-2]
+
+
+def _hashes(done: int, total: int, width: int) -> str:
     filled = width * done // max(total, 1)
-    return f"[{'#' * filled}{'-' * (width - filled)}] {done}/{total} runs"
+    return "#" * filled + "-" * (width - filled)
 
 
 def span(seconds: float) -> str:
@@ -29,13 +50,18 @@ class Progress:
         self.live = sys.stderr.isatty()
         self.quiet, self.shown_at, self.text = quiet, time.monotonic(), ""
 
+    @property
+    def width(self) -> int:
+        """Characters of a line: those of the terminal less one, 79 where stderr is a file."""
+        return shutil.get_terminal_size().columns - 1 if self.live else 79
+
     def show(self, text: str) -> None:
         """Show a new text. A closed terminal raises no error, so that the campaign goes on."""
         now = time.monotonic()
         if self.quiet or text == self.text or not (self.live or now - self.shown_at > 20.0):
             return
         self.text, self.shown_at = text, now
-        width = shutil.get_terminal_size().columns - 1
+        width = self.width
         self._write(f"\r{text[:width].ljust(width)}" if self.live else f"{text}\n")
 
     def end(self) -> None:

@@ -208,7 +208,7 @@ def _attempt(task: Task, product: Path, script: str, batch: str) -> int:
     log = f"logs/{product.stem}.log"
     yade = os.environ.get("CAMPAIGN_YADE") or "yade"
     if shutil.which(yade) is None:
-        print(f"{yade}: no such program; `make setup` installs it", flush=True)
+        print(f"{yade}: no such program on this machine; CAMPAIGN_YADE can name another one", flush=True)
         return ENVIRONMENT
     if shutil.disk_usage(product.parent).free < FREE_BYTES:
         print(f"no space left: under {FREE_BYTES >> 20} MiB free for {product.parent}", flush=True)

@@ -9,6 +9,7 @@ from typing import Any
 from campaign.batches import last_judgement, spared
 from campaign.config import ROOT, Config, jobs
 from campaign.engine_slurm import NOTE, ended_without_product, queued_rows
+from campaign.estimate import estimate
 from campaign.files import code_digest
 from campaign.folder import RunError
 from campaign.plan import STAGES, PlannedRun
@@ -49,7 +50,7 @@ def summary(config: Config, rows: Sequence[PlannedRun], statuses: dict[str, RunS
     """Return counts by stage, failures with their reasons, core-hours spent and predicted, and seconds to go."""
     counts = {stage: dict.fromkeys(ORDER, 0) | {"total": 0} for stage in (*STAGES, "total")}
     failures: list[dict[str, str]] = []
-    spent = spent_on_failures = predicted_of_done = predicted_to_go = 0.0
+    spent = spent_on_failures = 0.0
     notes = {"retried": 0, "resumed": 0, "other_scripts": 0}
     script_digests, present_digest = set(), code_digest(ROOT / "yade_scripts")
     for row in rows:
@@ -63,26 +64,23 @@ def summary(config: Config, rows: Sequence[PlannedRun], statuses: dict[str, RunS
             spent_on_failures += status.facts.get("cpu_seconds", 0.0)
         if status.status == "done":
             spent += status.facts.get("cpu_seconds", 0.0)
-            predicted_of_done += row.cpu_seconds
             notes["retried"] += bool(status.facts.get("retried"))
             notes["resumed"] += bool(status.facts.get("resumed"))
             script_digest = status.facts.get("script_digest", "")
             notes["other_scripts"] += not present_digest.startswith(script_digest)
             script_digests.add(script_digest)
-        elif status.status not in ("failed", "spared"):
-            predicted_to_go += row.cpu_seconds
-    pace = spent / predicted_of_done if predicted_of_done and spent else 1.0
     total = counts["total"]
     # the number of runs at once on a cluster shows only in what runs there now
     at_once = max(total["running"], 1) if total["queued"] else jobs(config)
+    to_go = estimate(rows, statuses, at_once)
     return {
         "campaign": config.name,
         "counts": counts,
         "failures": failures,
         "core_hours_spent": (spent + spent_on_failures) / 3600.0,
         "core_hours_predicted": sum(row.cpu_seconds for row in rows) / 3600.0,
-        "core_hours_to_go": predicted_to_go * pace / 3600.0,
-        "seconds_to_go": predicted_to_go * pace / at_once,
+        "core_hours_to_go": to_go.cpu_seconds / 3600.0,
+        "seconds_to_go": to_go.seconds,
         "script_versions": len(script_digests),
         **notes,
     }

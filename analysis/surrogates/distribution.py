@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from scipy import special, stats
 
 from ..pdem import weighted
-from .surrogate import LEVEL, Surrogate
+from .surrogate import LEVEL, Draws, Surrogate
 
 QUANTILE_LEVELS = (0.05, 0.5, 0.95)
 #: Values of the noise per sample, one from each of as many equally probable parts of its distribution.
@@ -66,6 +66,40 @@ def moments_and_quantiles(
     scatter to one side of the estimate only.
     Raises ValueError for refits of another shape, or refits without pairs.
     """
+    found = sampled(model, samples, probability, levels, refits, pairs, n, rng)
+    off = found.of_model if found.of_inputs is None else found.of_model + found.of_inputs
+    centre, half = found.centre, _half_width(off)
+    denoised, simulated = (Estimate(*(_shown(part) for part in (c, c - h, c + h)))
+                           for c, h in zip(centre, half, strict=True))  # fmt: skip
+    return Distribution(tuple(levels), denoised, simulated, _shares(model, found.drawn, centre + found.of_model))
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """Statistics of a model, denoised and as simulated, with their errors.
+
+    centre (2, T, S): mean, logarithm of the standard deviation, quantiles; of_model and of_inputs (n, 2, T, S): their
+    deviations in n draws of the model, and by n refits of the inputs (None: the inputs are taken as known); drawn: the
+    draws of the model.
+    """
+
+    centre: np.ndarray
+    of_model: np.ndarray
+    of_inputs: np.ndarray | None
+    drawn: Draws
+
+
+def sampled(
+    model: Surrogate,
+    samples: ArrayLike,
+    probability: ArrayLike | None = None,
+    levels: Sequence[float] = QUANTILE_LEVELS,
+    refits: ArrayLike | None = None,
+    pairs: int | None = None,
+    n: int = 400,
+    rng: np.random.Generator | None = None,
+) -> Sampled:
+    """The numbers behind `moments_and_quantiles`; arguments and errors as there."""
     rng = np.random.default_rng(0) if rng is None else rng
     samples = np.asarray(samples, float)
     equal = np.full(len(samples), 1.0 / len(samples))
@@ -76,7 +110,7 @@ def moments_and_quantiles(
     centre = _statistics(model, basis, noise, weight, levels)
     drawn = model.draws(n, rng)
     found = np.stack([_statistics(drawn[k], basis, noise, weight, levels) for k in range(n)])
-    off = found - centre
+    of_inputs = None
     if refits is not None:
         refits = np.asarray(refits, float)
         if pairs is None or pairs < 2 or refits.shape[1] != len(samples) or refits.ndim > 3:
@@ -87,11 +121,33 @@ def moments_and_quantiles(
             parts.append(_statistics(drawn[k % n], at, noise, weights, levels) - found[k % n])
         of_inputs = np.stack(parts)[np.arange(n) % len(parts)]
         wide = stats.t.ppf(0.5 + LEVEL / 2, pairs - 1) / stats.norm.ppf(0.5 + LEVEL / 2)
-        off = off + wide * np.sqrt(pairs / (pairs - 1)) * (of_inputs - of_inputs.mean(axis=0))
-    half = np.abs(np.quantile(off, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], axis=0)).max(axis=0)
-    denoised, simulated = (Estimate(*(_shown(part) for part in (c, c - h, c + h)))
-                           for c, h in zip(centre, half, strict=True))  # fmt: skip
-    return Distribution(tuple(levels), denoised, simulated, _shares(model, drawn, found))
+        of_inputs = wide * np.sqrt(pairs / (pairs - 1)) * (of_inputs - of_inputs.mean(axis=0))
+    return Sampled(centre, found - centre, of_inputs, drawn)
+
+
+def difference(first: Sampled, second: Sampled, same_inputs: bool) -> tuple[Estimate, Estimate]:
+    """Second minus first, denoised and as simulated: mean, standard deviation, quantiles, with 95 % intervals.
+
+    The errors of the two models are independent: the draws must come from different seeds. same_inputs: both are
+    refitted to the same resamples of the same pairs, so that their errors from the inputs cancel as far as the
+    responses to the inputs agree; otherwise these errors are independent, too.
+    """
+    centre = _shown(second.centre) - _shown(first.centre)
+    parts = []
+    for found, shuffled in ((first, False), (second, not same_inputs)):
+        off = found.of_model
+        if found.of_inputs is not None:
+            order = np.random.default_rng(2).permutation(len(off)) if shuffled else slice(None)
+            off = off + found.of_inputs[order]
+        parts.append(_shown(found.centre + off))
+    half = _half_width(parts[1] - parts[0] - centre)
+    denoised, simulated = (Estimate(c, c - h, c + h) for c, h in zip(centre, half, strict=True))
+    return denoised, simulated
+
+
+def _half_width(off: np.ndarray) -> np.ndarray:
+    """Half width of the interval of deviations (n, ...): the larger distance of their two quantiles from zero."""
+    return np.abs(np.quantile(off, [0.5 - LEVEL / 2, 0.5 + LEVEL / 2], axis=0)).max(axis=0)
 
 
 def _statistics(model, basis, noise, weight, levels):
@@ -119,9 +175,9 @@ def _quantiles(values, weight, levels):
 
 
 def _shown(statistics: np.ndarray) -> np.ndarray:
-    """Statistics (T, S) with the standard deviation in place of its logarithm."""
+    """Statistics (..., S) with the standard deviation in place of its logarithm."""
     shown = statistics.copy()
-    shown[:, 1] = np.exp(shown[:, 1])
+    shown[..., 1] = np.exp(shown[..., 1])
     return shown
 
 

@@ -45,13 +45,18 @@ def moments(results: Results) -> pd.DataFrame:
 def with_refits(results: Results, model: Surrogate, samples: np.ndarray) -> tuple[Distribution, float]:
     """Distribution of a model over the inputs with the error of their refits, and the share of the runs in that."""
     plain = moments_and_quantiles(model, samples, levels=QUANTILE_LEVELS)
-    refits = results.cached("refits of the inputs", lambda: _refits(results))
+    refits = input_refits(results)
     if refits is None:
         return plain, 1.0
     found = moments_and_quantiles(model, samples, levels=QUANTILE_LEVELS, refits=refits,
                                   pairs=measurements_behind(results.inputs, results.pairs))  # fmt: skip
     wide, narrow = (float(d.denoised.high[0, 0] - d.denoised.low[0, 0]) for d in (found, plain))
     return found, min((narrow / wide) ** 2, 1.0) if wide > 0 else np.nan
+
+
+def input_refits(results: Results) -> np.ndarray | None:
+    """Samples (B, m, d) of the refitted inputs; None if they are not refitted.  Computed once."""
+    return results.cached("refits of the inputs", lambda: _refits(results))
 
 
 def _refits(results: Results) -> np.ndarray | None:

@@ -174,10 +174,10 @@ def write_tables(frames: Mapping[str, pd.DataFrame], folder: str | Path) -> list
 def write_table(frame: pd.DataFrame, path: Path) -> None:
     """Write one table as `write_tables` does, to a path of its own."""
     with atomic_write(path) as part:
-        _without_formulas(frame).to_csv(part, index=False, float_format="%.6g")
+        without_formulas(frame).to_csv(part, index=False, float_format="%.6g")
 
 
-def _without_formulas(frame: pd.DataFrame) -> pd.DataFrame:
+def without_formulas(frame: pd.DataFrame) -> pd.DataFrame:
     """The frame with an apostrophe before each text that a spreadsheet would take for a formula."""
     texts = [name for name in frame.columns if frame[name].dtype.kind not in "biufcmM"]
     return frame.assign(**{name: frame[name].map(_no_formula) for name in texts}).rename(columns=_no_formula)

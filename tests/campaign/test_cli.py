@@ -187,7 +187,7 @@ def test_errors_of_use_end_in_one_line_and_others_in_a_traceback(tmp_path, error
         def planned(*_):
             raise raised
 
-        monkeypatch.setattr("campaign.__main__.read_planned_points", planned)
+        monkeypatch.setattr("campaign.commands.read_planned_points", planned)
 
     fail(error)
     assert run("status") == 2 and capsys.readouterr().err == f"campaign: {error}\n"

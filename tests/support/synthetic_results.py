@@ -243,6 +243,15 @@ def example(noise=0.0):
 
 
 @functools.lru_cache
+def small_example(packings=(1, 2, 3), densities=(0.04,), n=8):
+    """Path of the results of a campaign with one family, noise and narrow PDF grids, made once a session."""
+    folder = Path(tempfile.mkdtemp(prefix="small-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    made = make_campaign(folder, n, 0.02, packings=packings, densities=densities)
+    return build.build_results(folder, *made, cells=64)
+
+
+@functools.lru_cache
 def frames(noise=0.0):
     """All tables of `example(noise)`, computed once per session."""
     return evaluate(example(noise))
@@ -261,13 +270,15 @@ def consolidated_per_point(results, packings=(1,)):
     return dataclasses.replace(results, runs=runs)
 
 
-def make_campaign(folder, n=8, noise=0.0, families=("coupled",), packings=(1,), steady=(), failed=()):
+def make_campaign(
+    folder, n=8, noise=0.0, families=("coupled",), packings=(1,), steady=(), failed=(), densities=DENSITIES
+):
     """Write every product of a campaign; ids in `steady` stop at 30 % strain, ids in `failed` fail in shear.
 
     Returns (plan, points, info), the arguments of `build_results` after the folder.
     """
     points = representative_points(n)
-    plan = plan_rows(folder, points, families=families, packings=packings)
+    plan = plan_rows(folder, points, densities, families, packings)
     for row in plan.itertuples():
         if row.stage == "shear" and row.point in steady:
             write_run(row, noise, end=0.3, windows=60, exit_reason="steady")

@@ -1,0 +1,134 @@
+"""compare.html: several campaigns side by side, with tables and figures in the same folder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from ..errors_and_files import atomic_write
+from ..figures import comparison as figures
+from ..figures import style
+from ..quantities import QUANTITIES
+from ..results.reader import read_results
+from ..tables.comparison import Comparison, comparison, comparison_tables, shared_packings
+from ..tables.registry import without_formulas
+from . import page
+
+PAGE = "compare.html"
+#: Heading of each column on the page.
+WORDS = {
+    "campaign": "campaign", "mu_iso": "mu_iso", "state": "state", "number": "number", "reference": "reference",
+    "value": "this campaign", "interval": "difference (95 % interval)", "excludes_zero": "interval excludes zero",
+    "q05": "5 % quantile", "q50": "median", "q95": "95 % quantile", "mean": "mean", "sd": "standard deviation",
+    "what": "what", "reason": "reason", "setting": "setting", "quantity": "quantity",
+}  # fmt: skip
+
+
+def write_comparison(paths: Sequence[str | Path], folder: str | Path) -> Path:
+    """Write compare.html, tables/*.csv and figures/*.png of several results files into a folder; returns the page.
+
+    Raises analysis.results.ResultsError for a file that cannot be used.
+    """
+    of, folder = comparison([read_results(path) for path in paths]), Path(folder)
+    tables = comparison_tables(of)
+    for name in ("tables", "figures"):
+        (folder / name).mkdir(parents=True, exist_ok=True)
+    for name, frame in tables.items():
+        with atomic_write(folder / "tables" / f"{name}.csv") as part:
+            without_formulas(frame).to_csv(part, index=False, float_format="%.6g")
+    pictures = {}
+    for symbol in of.symbols:
+        figure = figures.responses(tables["responses"], symbol, of.names)
+        pictures[symbol] = style.save(figure, folder / "figures" / f"compare_{symbol}.png", ", ".join(of.names))
+    if len(tables["differences"]):
+        figure = figures.differences(tables["differences"], of.names)
+        pictures["differences"] = style.save(figure, folder / "figures" / "compare_differences.png")
+    path = folder / PAGE
+    with atomic_write(path) as part:
+        part.write_text(page.page("Comparison of campaigns", list(_sections(of, tables, pictures))), encoding="utf-8")
+    return path
+
+
+def _sections(
+    of: Comparison, tables: Mapping[str, pd.DataFrame], pictures: Mapping[str, Path]
+) -> Iterator[tuple[str, str]]:
+    yield "", "<h1>Comparison of campaigns</h1>" + "".join(map(page.paragraph, _summary(of, tables["differences"])))
+    yield "Settings that differ", _settings(tables["settings"], of)
+    if "differences" in pictures:
+        caption = (
+            f"Differences of the denoised means from those of {of.names[0]}, in standard deviations of {of.names[0]}, "
+            "with 95 % intervals."
+        )
+        yield "Differences", page.figure(pictures["differences"], caption) + _differences(tables["differences"])
+    else:
+        yield "Differences", page.paragraph("No state of two campaigns can be compared; the last section says why.")
+    shown = [symbol for symbol in of.symbols if symbol in pictures]
+    caption = "{} along axial strain: mean of the points (line) and one standard deviation to either side (band)."
+    yield (
+        "Responses along strain",
+        "".join(page.figure(pictures[symbol], caption.format(QUANTITIES[symbol].name)) for symbol in shown)
+        or page.paragraph("The campaigns have no density and response in common."),
+    )
+    yield "Moments of each campaign", page.table(_moments(tables["moments"]), stack=True)
+    left_out = tables["not_compared"].rename(columns=WORDS)
+    nothing = page.paragraph("Everything that one campaign contains is compared with the others.")
+    yield "What is not compared", page.table(left_out, stack=True) if len(left_out) else nothing
+
+
+def _summary(of: Comparison, differences: pd.DataFrame) -> Iterator[str]:
+    files = "; ".join(f"{name}: {results.path.name}, {len(results.points)} points" for name, results in of.pairs)
+    yield f"{files}. All differences are from {of.names[0]}."
+    for name in of.names[1:]:
+        rows = differences[differences["campaign"] == name]
+        outside = int(rows["excludes_zero"].sum())
+        if len(rows):
+            yield (
+                f"{name}: {outside} of {len(rows)} intervals of differences exclude zero. If the campaigns did not "
+                f"differ, about {0.05 * len(rows):.0f} would be expected by chance; the numbers of one state depend on "
+                "each other."
+            )
+    few = differences[(differences["packings"] < 3) | (differences["packings_reference"] < 3)]
+    for name in dict.fromkeys(few["campaign"]):
+        yield (
+            f"{name}: one of the two campaigns has fewer than three packings. The intervals do not contain what all "
+            "its points share through them, and are too narrow."
+        )
+    for name in shared_packings(of):
+        yield (
+            f"{name} has packings of {of.names[0]}. Their noise is partly the same in both, so that the intervals are "
+            "rather too wide."
+        )
+    yield (
+        "Denoised: what the grain properties do, without the noise of packings and runs. As simulated: what one "
+        "specimen of the simulated size does. The intervals contain the errors of both models and of the inputs; "
+        "campaigns with the same pairs share the error of the inputs."
+    )
+
+
+def _settings(frame: pd.DataFrame, of: Comparison) -> str:
+    if frame.empty:
+        return page.paragraph("All settings agree.")
+    return page.table(frame.rename(columns=WORDS), stack=True)
+
+
+def _differences(frame: pd.DataFrame) -> str:
+    """The differences of mean and standard deviation; the CSV file has the quantiles, too."""
+    rows = frame[frame["number"].isin(["mean", "sd"])].reset_index(drop=True)
+    shown = rows[["campaign", "mu_iso", "state"]].assign(
+        quantity=page.headings(rows),
+        kind=rows["kind"],
+        number=rows["number"].map(WORDS),
+        reference=rows["reference"],
+        value=rows["value"],
+        interval=page.intervals(rows, "difference", " to "),
+        excludes_zero=["yes" if flag else "no" for flag in rows["excludes_zero"]],
+    )
+    note = page.paragraph("tables/differences.csv has the differences of the quantiles, too.")
+    return page.table(shown.rename(columns=WORDS), stack=True) + note
+
+
+def _moments(frame: pd.DataFrame) -> pd.DataFrame:
+    shown = frame.drop(columns="unit").assign(quantity=page.headings(frame))
+    return shown.rename(columns=WORDS)
