@@ -74,7 +74,9 @@ class Inputs:
     pairs: str = key(
         "data/pairs_reconstructed.csv", str, doc="CSV or .xlsx file with pairs mu_s, G_p_GPa (or E_p_GPa; MPa, Pa)"
     )
-    marginals: tuple = key((), [str], doc="marginal families to choose from by AIC; empty: all")
+    marginals: tuple = key(
+        (), [str], doc='marginal families to choose from by AIC; empty: all but "kernel", a kernel density of ln x'
+    )
     copulas: tuple = key(("gaussian", "student", "frank", "plackett"), [str], doc="copulas to choose from; empty: all")
     seed: int = key(1, int, 0, 2**31 - 1, doc="random seed of the goodness-of-fit test and of per-grain properties")
     bootstrap: int = key(200, int, 19, 100_000, doc="number of simulated samples of the goodness-of-fit test")
@@ -169,7 +171,7 @@ class Probe:
 
 @dataclass(frozen=True)
 class Dem:
-    accuracy: str = key("", str, choices=("", "10%", "5%", "2%", "1%"), doc="preset of accuracy.toml; empty: none")
+    accuracy: str = key("", str, choices=("", "5%", "3%", "2%"), doc="preset of accuracy.toml; empty: none")
     timestep_factor: float = key(1.0, float, 0.01, 3.0, doc="time step over the contact-stiffness time step")
     damping: float = key(0.0, float, 0.0, 0.9, doc="local damping coefficient during shear")
     stiffness_scale: float = key(1.0, float, 1e-4, 1.0, doc="factor on G_p in shear runs; probes use the full G_p")

@@ -12,11 +12,14 @@ from campaign.config import Config, read_config
 from campaign.plan import STAGES, make_rows, predicted_seconds, predicted_steps
 
 LAMMPS = ROOT / "data" / "benchmarks" / "lammps.csv"
-#: Settings whose campaign is costed, and the one whose steps tell how far the model of steps is off the paper's.
-COSTED, OWN_INERTIA = ("base", "N = 500", "N = 400"), "reference"
+#: Campaign that is costed -> setting of the benchmark whose runs correct its plan (those of equal size); and the
+#: setting whose steps tell how far the model of steps is off the paper's.
+COSTED, OWN_INERTIA = {"laptop": "base", "5%": "N = 400", "3%": "N = 500", "2%": "N = 500"}, "reference"
 
 
-def costs(rows: pd.DataFrame, settings: dict[str, dict], points: dict[str, tuple]) -> pd.DataFrame:
+def costs(
+    rows: pd.DataFrame, settings: dict[str, dict], presets: dict[str, dict], points: dict[str, tuple]
+) -> pd.DataFrame:
     """Core-hours of the paper's 600 shear runs, 600 probes and consolidations: a row a setting, and the paper's own.
 
     The plan of that campaign has the rate, step and size of every run; what the benchmark's runs took over what the
@@ -26,7 +29,8 @@ def costs(rows: pd.DataFrame, settings: dict[str, dict], points: dict[str, tuple
     servo and record, while ours are whole runs, as many at once as the benchmark had.  `ratio`: how many times dearer
     it is.
 
-    settings: name -> what its campaign would be given; points: name -> (mu_s, G_p in Pa).
+    settings: name -> what the rows of this name were run with; presets: campaign -> what it would be given; points:
+    name -> (mu_s, G_p in Pa).
     """
     good = rows[rows.failure.isna()]
     paper = read_config(ROOT / "campaign" / "paper.toml")
@@ -38,8 +42,8 @@ def costs(rows: pd.DataFrame, settings: dict[str, dict], points: dict[str, tuple
         return taken.sum() / sum(planned)
 
     out = []
-    for setting in (s for s in COSTED if (good.setting == s).any()):
-        some, plan = good[good.setting == setting], make_rows(_config(paper, settings[setting]), all_points)
+    for name in (name for name, setting in COSTED.items() if (good.setting == setting).any()):
+        some, plan = good[good.setting == COSTED[name]], make_rows(_config(paper, presets[name]), all_points)
         over = {"shear": over_plan(some, "shear", some.cpu_seconds, True),
                 "probe": over_plan(some, "probe", some.probe_cpu_seconds, True)}  # fmt: skip
         steps = {"shear": over_plan(some, "shear", some.steps, False),
@@ -47,7 +51,7 @@ def costs(rows: pd.DataFrame, settings: dict[str, dict], points: dict[str, tuple
         hours = {s: over.get(s, over["shear"]) * sum(r.cpu_seconds for r in plan if r.stage == s) / 3600
                  for s in STAGES}  # fmt: skip
         particle_steps = sum(steps.get(r.stage, steps["shear"]) * r.particle_steps for r in plan)
-        out.append({"campaign": setting, "runs": len(plan), "particle_steps": particle_steps, **hours,
+        out.append({"campaign": name, "runs": len(plan), "particle_steps": particle_steps, **hours,
                     "core_hours": sum(hours.values())})  # fmt: skip
     slow = good[good.setting == OWN_INERTIA]
     if len(slow) and LAMMPS.exists():

@@ -48,7 +48,8 @@ def biases(
     """Relative bias of the settings `asked` against coordinates, per response, over all points and at each one.
 
     `bias_half_width` is its 95 % half width, `interactions` says whether the effects differ between the points, `aic`
-    is that of the fit by maximum likelihood, to compare exponents.
+    is that of the fit by maximum likelihood, to compare exponents.  A setting that is asked for needs no rows; its
+    `rate` may be a dictionary with the share of each point.
     """
     good = rows[rows.failure.isna() & rows.setting.isin(settings)]
     points = sorted(good.point.unique())
@@ -67,16 +68,26 @@ def biases(
         interactions = few["p_against"](many) < TEST_LEVEL
         fit = many if interactions else few
         for setting in asked:
-            gap = np.array([coordinates(settings[setting], exponent)[e] - against[e] for e in EFFECTS])
+            gaps = np.array([_gap(settings[setting], point, exponent, against) for point in points])
             for of in ("all", *points):
                 share = np.array([1 / len(points) if of == "all" else float(of == p) for p in points])
-                contrast = np.concatenate([np.zeros(cells.shape[1]), np.kron(share, gap) if interactions else gap])
+                parts = share[:, None] * gaps
+                contrast = np.concatenate(
+                    [np.zeros(cells.shape[1]), parts.ravel() if interactions else parts.sum(axis=0)]
+                )
                 bias = contrast @ fit["beta"]
                 half = t.ppf(0.975, fit["freedom"]) * np.sqrt(contrast @ fit["covariance"] @ contrast)
                 out.append({"setting": setting, "response": response, "of": of, "exponent": exponent, "bias": bias,
                             "bias_half_width": half, "interactions": interactions, "aic": fit["aic"],
                             "rows": len(known)})  # fmt: skip
     return pd.DataFrame(out)
+
+
+def _gap(values: Mapping, point: str, exponent: float, against: Mapping[str, float]) -> list[float]:
+    """Coordinates of a setting at one point, from those of `against`."""
+    rate = values["rate"]
+    at = coordinates({**values, "rate": rate[point] if isinstance(rate, Mapping) else rate}, exponent)
+    return [at[effect] - against[effect] for effect in EFFECTS]
 
 
 def fitted(x: np.ndarray, y: np.ndarray, case: np.ndarray) -> dict:

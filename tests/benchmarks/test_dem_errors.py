@@ -82,7 +82,7 @@ def test_a_campaign_costs_what_its_runs_took_over_the_plan():
                      for row in frame.itertuples()]  # fmt: skip
             seconds = 1.5 + 1000 * np.array(steps) / PARTICLE_STEPS_PER_CPU_SECOND[stage]
             frame = frame.assign(**{columns[0]: steps, columns[1]: slow * seconds})
-        once.append(dem_cost.costs(frame, settings, bench_dem.POINTS).iloc[0])
+        once.append(dem_cost.costs(frame, settings, bench_dem.presets(), bench_dem.POINTS).iloc[0])
     assert once[0].runs == 1203 and once[1].core_hours == pytest.approx(2 * once[0].core_hours)
     assert once[0].core_hours == pytest.approx(once[0][["consolidate", "probe", "shear"]].sum())
     assert 5 < once[0].core_hours < 25

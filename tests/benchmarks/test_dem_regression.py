@@ -3,9 +3,10 @@
 import numpy as np
 import pandas as pd
 import pytest
-from bench_dem import BASE, SETTINGS
+from bench_dem import BASE, NAMED, SETTINGS, presets
 from dem_errors import RESPONSES
 from dem_regression import EFFECTS, LIMIT, biases, coordinates, fitted
+from paths import ROOT
 
 MERGED = {name: BASE | values for name, values in SETTINGS.items()}
 POINTS, DENSITIES = ("low", "middle", "high"), (0.001, 0.04, 0.1)
@@ -34,6 +35,27 @@ def test_effects_without_scatter_are_found_exactly():
     of_all = table[(table["of"] == "all") & (table.response == "Z_critical")].set_index("setting")
     assert of_all.loc["base", "bias"] == pytest.approx(-0.03 / level, abs=1e-6)
     assert of_all.loc["N = 500", "bias"] == pytest.approx((-0.03 + 0.002) / level, abs=1e-6)
+
+
+def test_a_setting_without_rows_may_have_a_rate_of_its_own_at_each_point():
+    asked = {"mine": BASE | {"rate": {"low": 0.5, "middle": 0.5, "high": 1.0}}}
+    for point, all_points in ((None, -0.04 / 0.96 * 2 / 3), ("low", -0.02 / 0.96 / 3)):
+        some = rows(np.random.default_rng(6), {"rate": -0.04}, 0.0, 1e-9, point=point)
+        table = biases(some, MERGED | asked, ["mine"], 1.0)
+        found = table[table.response == "Z_critical"].set_index("of").bias
+        assert found["all"] == pytest.approx(all_points, abs=1e-3)
+        assert found["low"] == pytest.approx(-0.02 / 0.96, abs=1e-4) if point else found["high"] < -0.025
+
+
+def test_no_preset_is_shown_to_exceed_its_limit_and_its_mean_biases_are_within():
+    """The table of the rows there are; presets that change must be looked up anew (`bench_dem.py --table`)."""
+    table = pd.read_csv(ROOT / "data" / "benchmarks" / "dem_limit.csv").query("exponent == 1")
+    table = table[table.response.isin(NAMED)]
+    for preset in set(presets()) - {"laptop"}:
+        of_preset = table[table.setting == preset]
+        assert len(of_preset) == 4 * len(NAMED), preset
+        assert not (of_preset.within == "no").any()
+        assert (abs(of_preset[of_preset["of"] == "all"].bias) <= of_preset.limit.iloc[0]).all()
 
 
 def test_an_effect_of_one_point_is_found_there_only():

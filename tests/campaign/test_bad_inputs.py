@@ -77,7 +77,7 @@ CONFIGS = {
     "[shear]\ninertial_number = 0.01": "shear.inertial_number = 0.01 is outside [1e-06, 0.0025]",
     "[shear]\nsnapshots = [0.3, 0.1]": "must increase",
     "[shear]\nsnapshots = [0.9]": "beyond strain_end",
-    "[dem]\naccuracy = '3%'": "dem.accuracy = '3%'",
+    "[dem]\naccuracy = '10%'": "dem.accuracy = '10%'",
     "[dem]\ntimestep_factor = 'big'": "dem.timestep_factor = 'big' must be a number",
     "[failures]\nmax_lost_probability = 2": "failures.max_lost_probability",
     "[pdem]\nmethod = 'exakt'": "did you mean 'exact'",

@@ -26,11 +26,11 @@ def test_demo_is_at_least_what_the_default_campaign_promises():
 
 
 def test_accuracy_fills_in_and_own_keys_win():
-    coarse = parse_config('[dem]\naccuracy = "10%"')
-    fine = parse_config('[dem]\naccuracy = "1%"')
+    coarse = parse_config('[dem]\naccuracy = "5%"')
+    fine = parse_config('[dem]\naccuracy = "2%"')
     assert fine.assembly.N > coarse.assembly.N
     assert fine.shear.inertial_number < coarse.shear.inertial_number
-    mixed = parse_config('[assembly]\nN = 777\n[dem]\naccuracy = "1%"\ntimestep_factor = 0.5')
+    mixed = parse_config('[assembly]\nN = 777\n[dem]\naccuracy = "2%"\ntimestep_factor = 0.5')
     assert mixed.assembly.N == 777 and mixed.dem.timestep_factor == 0.5
     assert mixed.shear.inertial_number == fine.shear.inertial_number
 
