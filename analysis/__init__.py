@@ -3,8 +3,12 @@
     from analysis import read_results, plot_pdf_contours     # installed: from grain_scatter import ...
 
     results = read_results("data/laptop/results.h5")
-    eta = results.response("eta", mu_iso=0.04)               # eta.mean, eta.std, eta.pdf along eta.strain
+    eta = results.response("eta", "dense")                   # eta.mean, eta.std, eta.pdf along eta.strain
     ax = plot_pdf_contours(eta)
+    results.quote()                                          # the numbers to quote, with their uncertainties
+    results.friction_angle("peak", "dense")                  # degrees, one per point
+    results.state_pdf("critical", "eta", "dense").exceedance(0.7)
+    results.joint("eta", "e", state="critical").correlation
 
 The names below are imported when they are asked for, so that `import analysis` loads no other package:
 

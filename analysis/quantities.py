@@ -139,6 +139,7 @@ RESPONSES = _table(
 SCALARS = _table(
     Quantity("p", "Mean effective stress", "Pa", "(sigma_1 + 2 sigma_3) / 3", tex="p'", **_kPa),
     Quantity("q", "Deviatoric stress", "Pa", "sigma_1 - sigma_3", tex="q", **_kPa),
+    Quantity("phi", "Friction angle", "deg", "arcsin(3 eta / (6 + eta)), in triaxial compression", tex=r"\varphi"),
     Quantity(
         "eps_peak",
         "Axial strain at the peak",
@@ -181,8 +182,50 @@ def parameter(symbol: str, name: str, value: float, error: float = math.nan) -> 
     quantity = QUANTITIES[symbol]
     has_unit = not name.endswith(("shape", "sigma_ln")) and quantity.shown_factor != 1.0
     factor, unit = (quantity.shown_factor, f" {quantity.shown_unit}") if has_unit else (1.0, "")
-    spread = f" ± {error * factor:.2g}" if math.isfinite(error) else ""
-    return f"{name} = {value * factor:.5g}{spread}{unit}"
+    text = with_error(value * factor, error * factor) if math.isfinite(error) else f"{value * factor:.5g}"
+    return f"{name} = {text}{unit}"
+
+
+def decimals(error: float) -> int:
+    """Decimals to which a value of this uncertainty is given; negative for tens, hundreds, ...
+
+    The uncertainty has two digits if its first three are at most 354, and one digit otherwise (Particle Data Group).
+    """
+    exponent = math.floor(math.log10(error))
+    first = round(error / 10.0 ** (exponent - 2))
+    return 1 - exponent if first < 355 else -exponent
+
+
+def rounded(value: float, error: float) -> tuple[str, str]:
+    """Texts of a value and of its uncertainty, rounded together; rounding them once more changes nothing.
+
+    Three digits and no second text if the uncertainty is not known or zero; a dash for a value that is not finite.
+    """
+    if not math.isfinite(value):
+        return "–", ""
+    if not (math.isfinite(error) and error > 0):
+        return _three_digits(value), ""
+    places = decimals(error)
+    return _fixed(value, places), _fixed(error, places)
+
+
+def with_error(value: float, error: float) -> str:
+    """A value with its uncertainty as one text, e.g. '0.638 ± 0.017'; see `rounded`."""
+    shown, half = rounded(value, error)
+    return f"{shown} ± {half}" if half else shown
+
+
+def _fixed(value: float, places: int) -> str:
+    """A number with so many decimals, never '-0'."""
+    number = round(value, places)
+    return f"{number + 0.0 if number else 0.0:.{max(places, 0)}f}"
+
+
+def _three_digits(value: float) -> str:
+    if value == 0:
+        return "0"
+    exponent = math.floor(math.log10(abs(value)))
+    return _fixed(value, 2 - exponent) if -4 <= exponent < 6 else f"{value:.2e}"
 
 
 #: Critical states are judged from this axial strain on, over at least one block (the correlation strain of the stress

@@ -16,7 +16,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # the folder of th
 import matplotlib.pyplot as plt
 
 from analysis import plot_mean_band, plot_pdf_contours, plot_state_pdfs, read_results
-from analysis.pdem import state_pdf
 from analysis.quantities import QUANTITIES
 from analysis.results import ResultsError
 
@@ -29,18 +28,18 @@ def main(path: str, picture: str) -> None:
 
     figure, axes = plt.subplots(2, 2, figsize=(9, 7), layout="constrained")
     points = results.family_points(family)  # points.mu_s, points.G_p (Pa), points.probability, each (Q,)
-    for mu_iso in results.family_densities(family):
-        # A response along strain: eta.values (T, Q), eta.mean and eta.std (T,), its PDF eta.pdf.
-        eta = results.response("eta", mu_iso, family)
-        # A state: one value per point.  The points have other probabilities if a run failed.
-        critical = results.state("critical", "eta", mu_iso, family)
-        pdf = state_pdf(critical, results.probability(mu_iso, family))
-        print(f"mu_iso = {mu_iso:g}: eta at the end {eta.mean[-1]:.3f} +- {eta.std[-1]:.3f}, "
-              f"probability of a critical eta above 0.6: {pdf.exceedance(0.6)[0]:.2f}")  # fmt: skip
-        axes[1, 1].plot(points.mu_s, critical, "o", label=f"$\\mu_{{iso}}$ = {mu_iso:g}")
+    for mu_iso, name in results.density_names(family).items():  # such as 0.001: dense; methods take either
+        # A response along strain: eta.values (T, Q), eta.mean and eta.std (T,), its PDF eta.pdf; eta.strain_pct in %.
+        eta = results.response("eta", name, family)
+        # A state: one value per point, and its PDF over the points with their probabilities.
+        critical = results.state("critical", "eta", name, family)
+        pdf = results.state_pdf("critical", "eta", name, family)
+        print(f"{name} (mu_iso = {mu_iso:g}): critical eta {pdf.mean:.3f} +- {pdf.std:.3f}, "
+              f"probability of a critical eta above 0.6: {pdf.exceedance(0.6):.2f}")  # fmt: skip
+        axes[1, 1].plot(points.mu_s, critical, "o", label=f"{name}, $\\mu_{{iso}}$ = {mu_iso:g}")
 
     plot_pdf_contours(eta, ax=axes[0, 0])  # of the loosest density, the last one of the loop
-    axes[0, 0].set_title(f"PDF and mean, $\\mu_{{iso}}$ = {mu_iso:g}")
+    axes[0, 0].set_title(f"PDF and mean, {name}")
     plot_mean_band(results, "eta", family, ax=axes[0, 1])
     plot_state_pdfs(results, "critical", "eta", family, ax=axes[1, 0])
     axes[1, 0].set_title("Critical state")

@@ -14,6 +14,7 @@ import laptop_plan
 import numpy as np
 import pandas as pd
 import pytest
+import report_pages
 import start_of_shear
 import synthetic_results as synthetic
 from campaign_cases import finish, make_small
@@ -60,6 +61,13 @@ def test_the_committed_tables_are_those_of_the_results(frames, tmp_path):
     pairs = [(pd.read_csv(path), pd.read_csv(LAPTOP / "tables" / path.name)) for path in paths]
     for ours, kept in pairs:
         pd.testing.assert_frame_equal(ours, kept, rtol=1e-4, atol=1e-9)
+
+
+@needs_laptop
+def test_the_committed_report_has_one_value_for_every_quoted_quantity():
+    quote = pd.read_csv(LAPTOP / "tables" / "quote.csv")
+    source = (LAPTOP / "report.html").read_text("utf-8")
+    assert len(quote) == 30 and report_pages.problems(source, quote) == []
 
 
 @needs_laptop

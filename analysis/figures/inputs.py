@@ -46,7 +46,7 @@ def data_marginals(results: Results) -> Figure:
 
 @style.styled
 def joint_points(results: Results) -> Figure:
-    """Figure 3: joint density as surface and contours, the representative points, and what they carry."""
+    """Figure 3: joint density as surface and contours, the representative points and their distribution functions."""
     joint = Joint.from_dict(results.inputs["joint"])
     points = results.points
     figure = style.new_figure(7.6, 6.4, narrow_height=9.4)
@@ -79,7 +79,7 @@ def joint_points(results: Results) -> Figure:
     if not style.is_narrow():
         twice.set_ylabel("")
     _distribution_steps(steps, joint, points)
-    panels.panel_title(steps, "e", f"what the {len(points)} points carry")
+    panels.panel_title(steps, "e", "distribution functions")
     return figure
 
 

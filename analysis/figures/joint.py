@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 from matplotlib.figure import Figure
 
-from ..pdem import joint_pdf, weighted
+from ..pdem import joint_pdf
 from ..results.reader import Results
 from . import panels, style
 
@@ -19,7 +19,7 @@ def joint_figure(results: Results, symbols: Sequence[str], state: str = "critica
     densities = results.family_densities()
     figure = style.new_figure(7.4, 7.0, narrow_height=9.4)
     for row, symbol in enumerate(symbols):
-        eta, other, probability = pooled(results, state, ("eta", symbol))
+        eta, other, probability = results.pooled(state, ("eta", symbol), densities)
         if np.count_nonzero(probability > 0) < 2:
             panels.withheld(figure.add_subplot(2, 1, row + 1), f"{state} state: not reached")
             continue
@@ -42,7 +42,8 @@ def joint_figure(results: Results, symbols: Sequence[str], state: str = "critica
         x, y = np.meshgrid(joint.x1[seen], joint.x2[also] * factor, indexing="ij")
         labels = (style.short_label("eta"), style.short_label(symbol))
         panels.draw_surface(solid, x, y, joint.p[keep] / factor, labels, f"({'bd'[row]})")
-    figure.suptitle(f"All {len(densities)} densities together; line: conditional mean", fontsize=9)
+    together = f"Points of all {len(densities)} densities; line" if len(densities) > 1 else "Line"
+    figure.suptitle(f"{together}: conditional mean", fontsize=9)
     return figure
 
 
@@ -50,14 +51,6 @@ def _reach(seen, values):
     """Least and largest of the visible density and, with a margin, of the points."""
     margin = 0.03 * np.ptp(seen)
     return min(seen[0], np.nanmin(values) - margin), max(seen[-1], np.nanmax(values) + margin)
-
-
-def pooled(results: Results, state: str, symbols: Sequence[str], family: str = "coupled") -> tuple[np.ndarray, ...]:
-    """Values of each symbol at a state over all densities, one after the other, and their probabilities of sum 1."""
-    densities = results.family_densities(family)
-    values = [np.concatenate([results.shown_state(state, s, mu_iso, family) for mu_iso in densities]) for s in symbols]
-    probability = np.concatenate([results.probability(mu_iso, family) for mu_iso in densities])
-    return (*values, weighted.normalised(probability, np.all(np.isfinite(values), axis=0)))
 
 
 def _points(axis, results, state, symbol, legend):

@@ -23,6 +23,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import ArrayLike
 
 from ..quantities import QUANTITIES
+from ..results.densities import density_names
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -164,12 +165,12 @@ def styled(draw: Callable[P, T]) -> Callable[P, T]:
 def density_style(densities: Sequence[float]) -> dict[float, dict[str, Any]]:
     """Colour, line style and label of each consolidation friction, dark and solid for the densest."""
     shades = colormaps[COLOURS](np.linspace(0.0, 0.82, max(len(densities), 2)))
-    names = _names(len(densities))
+    names = density_names(densities)
     return {
         mu_iso: {
             "color": shades[k],
             "linestyle": LINES[k % len(LINES)],
-            "label": rf"{names[k]}, $\mu_{{iso}}$ = {mu_iso:g}",
+            "label": rf"{names[mu_iso]}, $\mu_{{iso}}$ = {mu_iso:g}",
         }
         for k, mu_iso in enumerate(densities)
     }
@@ -215,9 +216,3 @@ def pdf_label(symbol: str) -> str:
     """Label of an axis of probability density over a quantity."""
     unit = QUANTITIES[symbol].shown_unit or QUANTITIES[symbol].unit
     return ("PDF" if is_narrow() else "Probability density") + ("" if unit in ("", "1") else f" (1/{unit})")
-
-
-def _names(count):
-    return {1: ("one density",), 2: ("dense", "loose"), 3: ("dense", "medium", "loose")}.get(
-        count, tuple(f"density {k + 1}" for k in range(count))
-    )

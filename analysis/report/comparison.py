@@ -15,11 +15,14 @@ from ..results.reader import read_results
 from ..tables.comparison import Comparison, comparison, comparison_tables, shared_packings
 from ..tables.registry import without_formulas
 from . import page
+from .headings import quantity_words
 
 PAGE = "compare.html"
+TITLE = "Comparison of campaigns"
 #: Heading of each column on the page.
 WORDS = {
-    "campaign": "campaign", "mu_iso": "mu_iso", "state": "state", "number": "number", "reference": "reference",
+    "campaign": "campaign", "mu_iso": "mu_iso", "kind": "kind", "packings": "packings",
+    "state": "state", "number": "number", "reference": "reference",
     "value": "this campaign", "interval": "difference (95 % interval)", "excludes_zero": "interval excludes zero",
     "q05": "5 % quantile", "q50": "median", "q95": "95 % quantile", "mean": "mean", "sd": "standard deviation",
     "what": "what", "reason": "reason", "setting": "setting", "quantity": "quantity",
@@ -47,34 +50,51 @@ def write_comparison(paths: Sequence[str | Path], folder: str | Path) -> Path:
         pictures["differences"] = style.save(figure, folder / "figures" / "compare_differences.png")
     path = folder / PAGE
     with atomic_write(path) as part:
-        part.write_text(page.page("Comparison of campaigns", list(_sections(of, tables, pictures))), encoding="utf-8")
+        part.write_text(page.page(TITLE, _head(of, tables), list(_sections(of, tables, pictures))), encoding="utf-8")
     return path
+
+
+def _head(of: Comparison, tables: Mapping[str, pd.DataFrame]) -> str:
+    return f"<h1>{TITLE}</h1>" + page.paragraphs(_summary(of, tables["differences"]))
 
 
 def _sections(
     of: Comparison, tables: Mapping[str, pd.DataFrame], pictures: Mapping[str, Path]
+) -> Iterator[page.Section]:
+    for heading, html in _parts(of, tables, pictures):
+        yield page.Section("", heading, html)
+
+
+def _parts(
+    of: Comparison, tables: Mapping[str, pd.DataFrame], pictures: Mapping[str, Path]
 ) -> Iterator[tuple[str, str]]:
-    yield "", "<h1>Comparison of campaigns</h1>" + "".join(map(page.paragraph, _summary(of, tables["differences"])))
-    yield "Settings that differ", _settings(tables["settings"], of)
+    """Heading and HTML of each section."""
+    yield "Settings that differ", _settings(tables["settings"])
     if "differences" in pictures:
         caption = (
             f"Differences of the denoised means from those of {of.names[0]}, in standard deviations of {of.names[0]}, "
             "with 95 % intervals."
         )
-        yield "Differences", page.figure(pictures["differences"], caption) + _differences(tables["differences"])
+        yield (
+            "Differences",
+            page.figure(pictures["differences"], "differences", caption) + _differences(tables["differences"]),
+        )
     else:
         yield "Differences", page.paragraph("No state of two campaigns can be compared; the last section says why.")
     shown = [symbol for symbol in of.symbols if symbol in pictures]
     caption = "{} along axial strain: mean of the points (line) and one standard deviation to either side (band)."
     yield (
         "Responses along strain",
-        "".join(page.figure(pictures[symbol], caption.format(QUANTITIES[symbol].name)) for symbol in shown)
+        "".join(page.figure(pictures[symbol], symbol, caption.format(QUANTITIES[symbol].name)) for symbol in shown)
         or page.paragraph("The campaigns have no density and response in common."),
     )
-    yield "Moments of each campaign", page.table(_moments(tables["moments"]), stack=True)
-    left_out = tables["not_compared"].rename(columns=WORDS)
+    yield "Moments of each campaign", _table(_moments(tables["moments"]), "moments", "Moments of each campaign")
+    left_out = tables["not_compared"]
     nothing = page.paragraph("Everything that one campaign contains is compared with the others.")
-    yield "What is not compared", page.table(left_out, stack=True) if len(left_out) else nothing
+    yield (
+        "What is not compared",
+        _table(left_out, "left_out", "What is not compared, and why") if len(left_out) else nothing,
+    )
 
 
 def _summary(of: Comparison, differences: pd.DataFrame) -> Iterator[str]:
@@ -107,28 +127,32 @@ def _summary(of: Comparison, differences: pd.DataFrame) -> Iterator[str]:
     )
 
 
-def _settings(frame: pd.DataFrame, of: Comparison) -> str:
+def _settings(frame: pd.DataFrame) -> str:
     if frame.empty:
         return page.paragraph("All settings agree.")
-    return page.table(frame.rename(columns=WORDS), stack=True)
+    return _table(frame, "settings", "Settings that differ")
+
+
+def _table(frame: pd.DataFrame, key: str, caption: str) -> str:
+    """A table of the page; a column without words of its own, such as the name of a campaign, keeps its name."""
+    return page.table(frame, key, f"{caption}.", stack=True, headings={n: WORDS.get(n, str(n)) for n in frame.columns})
 
 
 def _differences(frame: pd.DataFrame) -> str:
     """The differences of mean and standard deviation; the CSV file has the quantiles, too."""
     rows = frame[frame["number"].isin(["mean", "sd"])].reset_index(drop=True)
     shown = rows[["campaign", "mu_iso", "state"]].assign(
-        quantity=page.headings(rows),
+        quantity=rows["quantity"].map(quantity_words),
         kind=rows["kind"],
         number=rows["number"].map(WORDS),
         reference=rows["reference"],
         value=rows["value"],
-        interval=page.intervals(rows, "difference", " to "),
+        interval=page.intervals(rows, "difference"),
         excludes_zero=["yes" if flag else "no" for flag in rows["excludes_zero"]],
     )
     note = page.paragraph("tables/differences.csv has the differences of the quantiles, too.")
-    return page.table(shown.rename(columns=WORDS), stack=True) + note
+    return _table(shown, "differences", "Differences of means and standard deviations") + note
 
 
 def _moments(frame: pd.DataFrame) -> pd.DataFrame:
-    shown = frame.drop(columns="unit").assign(quantity=page.headings(frame))
-    return shown.rename(columns=WORDS)
+    return frame.drop(columns="unit").assign(quantity=frame["quantity"].map(quantity_words))

@@ -1,82 +1,124 @@
-"""What the report says of the test: material, grading, stress, strain, size, accuracy."""
+"""What was tested: inputs, material, stress, strain and size, and how the test differs from the paper's."""
 
 from __future__ import annotations
 
+import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import pandas as pd
 
 from ..quantities import FULL_RATE, FULL_RATE_FRICTION
 from ..results.reader import Results
 from ..tables import published
-from . import input_words
+from . import input_words, page
 
 Frames = Mapping[str, pd.DataFrame]
-#: Words for a setting of the test that is random.
-RANDOM = {"d50": "median diameter", "sigma_ln": "standard deviation of ln d", "nu": "Poisson's ratio of the grains",
-          "sigma_3": "confining stress"}  # fmt: skip
+#: Largest relative difference of the marginals' medians and widths from the paper's Table 1, and of Kendall's tau from
+#: that of its copula, for inputs of the paper's kind.
+NEAR, NEAR_TAU = 0.1, 0.1
 
 
-def introduction(results: Results, frames: Frames) -> str:
-    """What the campaign did, in one paragraph."""
-    frictions = ", ".join(f"{mu_iso:g}" for mu_iso in results.family_densities())
-    filled = int(frames["report_facts"].iloc[0]["filled"])
-    return (
-        f"How {input_words.scatter_of_inputs(results)} affects the behaviour of a granular soil: "
-        f"{len(results.points)} representative points of {'its' if len(results.points.names) == 1 else 'their joint'} "
-        "distribution, "
-        f"sheared by the discrete element method at {len(results.densities)} "
-        f"{'densities' if len(results.densities) > 1 else 'density'}, set by the friction during consolidation "
-        f"(mu_iso = {frictions}; the lowest gives the densest), and the PDFs of the responses."
-        + (f" {filled} of the points were not run: a regression over the others gives their values." if filled else "")
-        + f" Statements of {published.REFERENCE} stand beside the numbers of this campaign."
-    )
-
-
-def test_words(results: Results, facts: pd.Series) -> list[str]:
-    """The test in a sentence, and its differences from the paper's; nothing for results without settings."""
-    settings = results.attrs["settings"]
-    if not settings:
-        return []
-    grains, material = settings["assembly"], settings["material"]
-    stress = settings["consolidation"]["sigma_3_kPa"]
-    random = {name: f"a random {words}" for name, words in RANDOM.items() if name in results.points.names}
-    size = random.get("d50", f"d50 = {grains['d50_mm']:g} mm")
-    width = random.get("sigma_ln", f"a standard deviation of ln d of {grains['sigma_ln']:g}")
-    poisson = random.get("nu", f"Poisson's ratio {material['nu']:g}")
-    sizes = (
-        f"of the sieve curve {grains['sieve']} with d50 = {grains['d50_mm']:.3g} mm"
-        if grains.get("sieve")
-        else f"{grains['distribution'].replace('_', ' ')} with {size} and {width} by mass"
-    )
+def tested(results: Results, frames: Frames) -> list[str]:
+    """What was tested, in two or three sentences."""
+    settings, facts = results.attrs["settings"], frames["report_facts"].iloc[0]
+    names = results.density_names()
+    inputs = input_words.question(results)
+    size = f"{particles(frames)} spheres" if particles(frames) else "spheres"
+    size += _grading(results)
+    stress = f" of {settings['consolidation']['sigma_3_kPa']:g} kPa" if settings else ""
+    if "sigma_3" in results.points.names:
+        stress = ", random from specimen to specimen,"
+    same = "pair" if input_words.is_pair_of_friction_and_modulus(results) else "properties"
+    strain = end_strain(results)
     test = (
-        f"The test: spheres, {sizes}, {poisson}, "
-        f"consolidated isotropically to {random.get('sigma_3', f'{stress:g} kPa')} and sheared drained in triaxial "
-        f"compression at that confining stress. Strains are logarithmic: the last, {facts['end_strain_pct']:.3g} %, is "
-        f"{facts['end_height_pct']:.3g} % of the height."
+        f"Each specimen has {size}, all with the same {same}. It is simulated by the discrete element method (DEM): "
+        f"isotropic consolidation, then drained triaxial compression at a constant confining stress{stress} to "
+        f"{100 * strain:.3g} % axial strain (logarithmic, which is {-100 * math.expm1(-strain):.2g} % of the height)."
     )
-    lognormal = "sigma_ln" not in random and grains["distribution"] == "lognormal" and not grains.get("sieve")
-    graded = lognormal and abs(grains["sigma_ln"] - published.SIGMA_LN) < 5e-3
-    scale = settings["dem"]["stiffness_scale"]
-    differences = [
-        words
-        for differs, words in (
-            ("sigma_3" in random, "a random confining stress"),
-            (
-                "sigma_3" not in random and stress != published.SIGMA_3 / 1e3,
-                f"{stress:g} kPa instead of {published.SIGMA_3 / 1e3:g}",
-            ),
-            (not graded, "another grading"),
-            (material["heterogeneity"] != "specimen", "a pair of properties for every grain"),
-            (scale != 1.0, f"{scale:g} of the grains' stiffness"),
+    frictions = page.listed([f"{mu_iso:g}" for mu_iso in names])
+    if len(names) == 1:
+        densities = f"There is one density: the interparticle friction during consolidation is mu_iso = {frictions}."
+    else:
+        densities = (
+            f"There are {len(names)} densities, {page.listed(list(names.values()))}: the interparticle friction during "
+            f"consolidation is mu_iso = {frictions}."
         )
-        if differs
-    ]
-    if not differences:
-        return [test]
-    return [test, f"This is not the paper's test ({', '.join(differences)}): where its numbers stand beside these, and "
-                  "in the verdicts on its claims, two different tests are compared."]  # fmt: skip
+    return [inputs, f"{test} {densities}", *_filled(results, int(facts["filled"]))]
+
+
+def _grading(results: Results) -> str:
+    """The grading in brackets: its median diameter, its sieve curve, and what of it is random."""
+    settings, random = results.attrs["settings"], results.points.names
+    words = []
+    if settings and settings["assembly"].get("sieve"):
+        words.append(f"sieve curve {settings['assembly']['sieve']}")
+    if "d50" in random:
+        words.append("random median diameter")
+    elif settings:
+        words.append(f"median diameter {settings['assembly']['d50_mm']:.3g} mm")
+    if "sigma_ln" in random:
+        words.append("random standard deviation of ln d")
+    return f" ({', '.join(words)})" if words else ""
+
+
+def end_strain(results: Results) -> float:
+    """Axial strain to which the tests were made: as asked, or the last average where the settings are not known."""
+    settings = results.attrs["settings"]
+    return float(settings["shear"]["strain_end"] if settings else results.strain[-1])
+
+
+def _filled(results: Results, filled: int) -> list[str]:
+    if not filled:
+        return []
+    return [f"{filled} of {len(results.points)} points were not run; a regression over the inputs gives their values."]
+
+
+def paper_differences(results: Results) -> list[str]:
+    """How the test differs from the paper's in all but its size, in words; empty if it is the paper's test.
+
+    The paper's test: its grading and stress, one pair of properties per specimen, the full stiffness, densities that
+    the paper has, too, and inputs of its kind: friction and modulus are random, with lognormal marginals and a
+    dependence near those of its Tables 1 and 2.
+    """
+    settings = results.attrs["settings"]
+    known = {mu_iso for _, mu_iso in published.INITIAL_STATE}
+    others = [f"{mu_iso:g}" for mu_iso in results.family_densities() if mu_iso not in known]
+    differences = [f"other densities (mu_iso = {page.listed(others)})"] if others else []
+    if settings:
+        differences += _other_settings(settings, results.points.names)
+    if not input_words.is_pair_of_friction_and_modulus(results):
+        return [*differences, f"other random inputs ({input_words.inputs_named(results)})"]
+    return differences + _other_inputs(results.inputs)
+
+
+def _other_settings(settings: Mapping[str, Any], random: Sequence[str]) -> list[str]:
+    """Differences of the settings that are not `random`, which are named as inputs."""
+    grains, stress = settings["assembly"], settings["consolidation"]["sigma_3_kPa"]
+    usual = published.SIGMA_3 / 1e3
+    lognormal = grains["distribution"] == "lognormal" and not grains.get("sieve")
+    graded = lognormal and ("sigma_ln" in random or abs(grains["sigma_ln"] - published.SIGMA_LN) < 5e-3)
+    scale = settings["dem"]["stiffness_scale"]
+    differences = (
+        ("sigma_3" not in random and stress != usual, f"{stress:g} kPa instead of {usual:g} kPa"),
+        (not graded, "another grading"),
+        (settings["material"]["heterogeneity"] != "specimen", "a pair of properties for every grain"),
+        (scale != 1.0, f"{scale:g} of the grains' stiffness"),
+    )
+    return [words for differs, words in differences if differs]
+
+
+def _other_inputs(inputs: Mapping[str, Any]) -> list[str]:
+    near = set(inputs["marginals"]) == set(published.MARGINALS)
+    for symbol, (family, median, width, _) in published.MARGINALS.items():
+        fits = inputs["marginals"].get(symbol) or [{"family": "", "params": {}}]
+        params = fits[0]["params"]
+        near &= fits[0]["family"] == family and all(
+            abs(params.get(name, 0.0) / value - 1) <= NEAR for name, value in (("median", median), ("sigma_ln", width))
+        )
+    tau = inputs["copulas"][0].get("tau", published.TAU) if inputs["copulas"] else published.TAU
+    return [] if near and abs(tau - published.TAU) <= NEAR_TAU else ["another distribution of the grain properties"]
 
 
 def accuracy(results: Results, frames: Frames) -> str:
@@ -84,18 +126,14 @@ def accuracy(results: Results, frames: Frames) -> str:
     runs = frames["runs"]
     shear = runs[(runs["stage"] == "shear") & (runs["status"] == "done")]
     preset = tomllib.loads(results.attrs["config"]).get("dem", {}).get("accuracy", "")
-    words = {"inertial_number": "inertial number", "strain_end": "axial strain to",
-             "timestep_factor": "time step factor", "stiffness_scale": "stiffness factor"}  # fmt: skip
-    used = [f"{word} {', '.join(f'{v:g}' for v in sorted(set(shear[name].dropna())))}"
+    words = {"inertial_number": "inertial number", "timestep_factor": "factor on the time step",
+             "stiffness_scale": "factor on the grains' stiffness"}  # fmt: skip
+    used = [f"{word} {' and '.join(f'{v:g}' for v in sorted(set(shear[name].dropna())))}"
             for name, word in words.items() if name in shear and shear[name].notna().any()]  # fmt: skip
-    named = f"the {preset} setting of campaign/accuracy.toml" if preset else "no named setting; every key set by itself"
+    asked = f"the setting {preset} of campaign/accuracy.toml" if preset else "no named setting, every key by itself"
     return (
-        f"Accuracy asked for: {named}. Shear runs: {particles(frames)} spheres, "
-        + ", ".join(used)
-        + (
-            f"; above mu_s = {FULL_RATE_FRICTION:g} the inertial number is at most "
-            f"{FULL_RATE * FULL_RATE_FRICTION:.1e} / mu_s."
-        )
+        f"Accuracy asked for: {asked}. Shear runs: {particles(frames)} spheres, {', '.join(used)}. Above "
+        f"mu_s = {FULL_RATE_FRICTION:g} the inertial number is at most {FULL_RATE * FULL_RATE_FRICTION:.1e} / mu_s."
     )
 
 
@@ -106,15 +144,12 @@ def particles(frames: Frames) -> str:
     return "–".join(f"{n:,}" for n in (sizes if len(sizes) < 3 else (sizes[0], sizes[-1])))
 
 
-def size_warning(results: Results, frames: Frames) -> list[str]:
-    """What the size of the campaign means for its numbers; nothing for one of about the paper's size."""
+def size_warning(frames: Frames) -> list[str]:
+    """What the number of spheres means for a single run; nothing for a campaign of about the paper's size."""
     facts = frames["report_facts"].iloc[0]
     if not facts["rough"] or not facts["spheres_least"]:
         return []
-    smallest, scatter = facts["spheres_least"], facts["scatter_pct"]
     return [
-        f"These numbers are rough. The paper used {published.PARTICLES:,} spheres and {published.POINTS} points; this "
-        f"campaign used {particles(frames)} spheres and {len(results.points)} points. One run of {smallest:,} spheres "
-        f"scatters by some {scatter:.0f} % in the stress ratio; the sections on claims and on reliability give the "
-        "consequences."
+        f"These numbers are rough: one run of {facts['spheres_least']:,} spheres scatters by about "
+        f"{facts['scatter_pct']:.0f} % in the stress ratio."
     ]

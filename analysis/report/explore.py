@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
+from html import escape
 from pathlib import Path
 from string import Template
 
 from ..errors_and_files import atomic_write
 from ..results.reader import Results
 from ..tables.explore import explore_data
-from .page import escape
 
 PAGE = "explore.html"
 HERE = Path(__file__).parent

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import pandas as pd
 
 from ..quantities import QUANTITIES
 from ..results.reader import Results
+from .page import listed, plural
 
 #: The random inputs of the paper.
 PAIR = ("mu_s", "G_p")
 NUMBERS = {1: "one", 2: "two", 3: "three", 4: "four", 5: "five", 6: "six"}
-
-
-def listed(words: Sequence[str]) -> str:
-    """Words as a list in a sentence: "a", "a and b", "a, b and c"."""
-    return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
 
 
 def inputs_named(results: Results) -> str:
@@ -29,8 +23,8 @@ def scatter_of_inputs(results: Results) -> str:
     count, names = len(results.points.names), inputs_named(results)
     if count == 1:
         return f"the scatter of one property, {names},"
-    kind = "grain properties" if {*results.points.names} <= {"mu_s", "G_p", "nu"} else "properties"
-    return f"the scatter of {NUMBERS[count]} {kind}, {names},"
+    words = "grain properties" if kind(results) == "grain properties" else "properties"
+    return f"the scatter of {NUMBERS[count]} {words}, {names},"
 
 
 def are_measured(results: Results) -> bool:
@@ -39,12 +33,63 @@ def are_measured(results: Results) -> bool:
 
 
 def inputs_heading(results: Results) -> str:
-    """Heading of the section on the inputs."""
-    if not are_measured(results):
-        return "Inputs: distributions that were given"
+    """Heading of the section on the distribution of the inputs."""
+    return f"Distribution of the {kind(results)}"
+
+
+def pictures_heading(results: Results) -> str:
+    """Heading of the figures of the inputs and points."""
+    return "Grain properties and points" if kind(results) == "grain properties" else "Inputs and points"
+
+
+def inputs_counted(results: Results) -> str:
+    """The inputs by their number: "the two properties", or the name of a single one."""
+    count = len(results.points.names)
+    return f"the {NUMBERS[count]} {'properties' if count == 2 else 'inputs'}" if count > 1 else inputs_named(results)
+
+
+def points_words(results: Results) -> str:
+    """What a point consists of, such as "pairs of mu_s and G_p"."""
+    names = results.points.names
+    return f"{'pairs' if len(names) == 2 else 'values'} of {listed(names)}"
+
+
+def question(results: Results) -> str:
+    """What the campaign asks, and what its points stand for."""
+    count, names = len(results.points), results.points.names
+    source = results.inputs.get("source") or "of an unnamed source"
+    if is_pair_of_friction_and_modulus(results) and are_measured(results):
+        return (
+            "How does the scatter of grain properties affect the behaviour of the soil? "
+            f"{plural(count, 'pair', 'pairs')} of interparticle friction mu_s and particle shear modulus G_p represent "
+            f"the distribution of {len(results.pairs)} pairs ({source}), each with its probability."
+        )
+    joint = "distribution" if len(names) == 1 else "joint distribution"
+    given = f"of {len(results.pairs)} rows of measurements ({source})" if are_measured(results) else "that was given"
     return (
-        "Inputs: pairs of grain properties" if len(results.points.names) == 2 else "Inputs: measured grain properties"
+        f"How does {scatter_of_inputs(results)} affect the behaviour of the soil? "
+        f"{plural(count, 'point represents', 'points represent')} the {joint} {given}, each with its probability."
     )
+
+
+def interval_words(results: Results, facts: pd.Series) -> str:
+    """What the intervals of the numbers to quote contain."""
+    if not facts["measurements"]:
+        return "which contains that noise, but not the uncertainty of the inputs"
+    return f"which contains that noise and the limited number of {_measurements(results)}"
+
+
+def accuracy_words(results: Results, facts: pd.Series) -> list[str]:
+    """What reduces the uncertainty of a mean, and how the uncertainty of the inputs enters."""
+    rest = f"; the rest comes from the limited number of {_measurements(results)}" if facts["measurements"] else ""
+    part = f"only a part of the uncertainty of a mean{rest}" if rest else "the uncertainty of a mean"
+    given = "The tables give this part, and" if rest else "The table gives"
+    return [
+        f"More runs or larger ones reduce {part}. {given} the standard deviations that packings "
+        f"and single runs add to the scatter of the {kind(results)}, with 95 % intervals. The standard error of one "
+        "run comes from the fluctuation within it.",
+        bands_words(results, facts),
+    ]
 
 
 def inputs_source(results: Results, facts: pd.Series) -> str:
@@ -73,18 +118,17 @@ def bands_words(results: Results, facts: pd.Series) -> str:
             "inputs.pairs_behind states the number of measurements."
         )
     if are_measured(results):
-        what = "pairs" if len(results.points.names) == 2 else "measured rows"
-        how = f"The {what} were resampled, and every sample chose its marginals and its copula again"
+        how = (f"The {_measurements(results)} were drawn again, and every sample chose its families of "
+               f"{'marginals' if len(results.points.names) == 1 else 'marginals and copula'} again")  # fmt: skip
     else:
-        what = "measurements behind it"
-        how = f"Samples of {behind} were drawn from it, and its parameters were fitted again (families kept)"
+        how = f"Samples of {behind} were drawn from it, and its parameters were fitted again (of the same families)"
+    bands = ""
+    if facts["refitted"]:
+        bands = (f" The bands around the PDFs at a state contain the uncertainty of the {_measurements(results)} only, "
+                 f"from {facts['refitted']} refits.")  # fmt: skip
     return (
-        f"With {behind} {what} the input distribution is itself uncertain. {how}; "
-        "no run is repeated. The intervals contain this and the error of the model. The last column is the share of "
-        "the squared width of the mean's interval that more or larger runs could remove; the rest comes from the "
-        f"number of {'pairs' if what == 'pairs' else 'measurements'}. The bands around the PDFs at the peak, at the "
-        "critical state and of the stiffness in the figures contain the uncertainty of the "
-        f"{'pairs' if what == 'pairs' else 'inputs'} only, from {facts['refitted']} refits."
+        f"With {behind} {_measurements(results)} the {'fitted' if are_measured(results) else 'given'} distribution of "
+        f"the {kind(results)} is itself uncertain. {how}; no run is repeated.{bands}"
     )
 
 
@@ -101,16 +145,12 @@ def sources_words(results: Results) -> str:
         either = "either explains" if two else "several of them explain"
         head = (
             f"{first} may depend on each other; then each explains a part of what {explain}. The table splits each "
-            f"variance into the part that only one of them adds once {known} known, the part that {either} (shared), "
+            f"variance into the part that only one of them adds once {known} known, the part that {either}, "
             "and the noise of packings and single runs, which a model of all runs separates."
         )
         if len(names) > 2:
             head += " The Shapley effects divide what is shared among the inputs; they add up to what all explain."
-    return (
-        f"{head} The next table compares moments and quantiles of the points with Monte Carlo samples through this "
-        "model, without noise for mean and sd and with it for the quantiles. The last one compares PDEM's PDFs along "
-        "strain with such samples, noise included."
-    )
+    return head
 
 
 def caption_of_inputs(results: Results, name: str) -> str:
@@ -118,13 +158,13 @@ def caption_of_inputs(results: Results, name: str) -> str:
     names, count = results.points.names, len(results.points.names)
     usual = count == 2 and len(results.pairs) > 0
     if name == "fig04" and {"sigma_ln", "d50"} & {*names}:
-        return "Figure 4. Grading of one specimen; every point has grains of its own."
+        return "Grading of one specimen; every point has grains of its own."
     if name == "fig13" and "G_p" not in names:
-        return ("Figure 13. (a, b) Small-strain stiffness and (c, d) dilatancy at the peak: PDFs, and every point "
+        return ("(a, b) Small-strain stiffness and (c, d) dilatancy at the peak: PDFs, and every point "
                 f"against {inputs_named(results) if count == 1 else 'an input'}.")  # fmt: skip
     if name == "fig16" and names != PAIR:
         others = "" if count == 1 else ", the other inputs at their regressions on friction,"
-        return ("Figure 16. Not in the paper: peak and critical state along interparticle friction. Every point, with "
+        return ("Peak and critical state along interparticle friction. Every point, with "
                 f"its peak at the strain that is pooled over the points, and the denoised values{others} with their "
                 "95 % band.")  # fmt: skip
     if usual or name not in ("fig02", "fig03"):
@@ -132,16 +172,13 @@ def caption_of_inputs(results: Results, name: str) -> str:
     shown = "measurements" if len(results.pairs) else "representative points"
     if name == "fig02":
         if count == 1:
-            return f"Figure 2. Distribution of {inputs_named(results)}, with the {shown} as ticks."
+            return f"Distribution of {inputs_named(results)}, with the {shown} as ticks."
         return (
-            f"Figure 2. On the diagonal the marginal PDFs of {inputs_named(results)}; below it the joint PDF of each "
+            f"On the diagonal the marginal PDFs of {inputs_named(results)}; below it the joint PDF of each "
             f"two of them as contours, with the {shown}."
         )
     parts = "The representative points" if count == 1 else "The representative points in each two of the inputs"
-    return (
-        f"Figure 3. {parts}, area by probability, and the distribution functions that they carry against the exact "
-        "ones."
-    )
+    return f"{parts}, area by probability, and the distribution functions that they carry against the exact ones."
 
 
 def is_pair_of_friction_and_modulus(results: Results) -> bool:
@@ -153,9 +190,19 @@ def band_note(results: Results) -> str:
     """What the shaded band of a PDF is, for captions; "" without a band."""
     if results.bootstrap_probability(results.family_densities()[0]) is None:
         return ""
-    what = "resampling the pairs alone" if are_measured(results) else "refits of the inputs alone"
+    what = f"resampling the {_measurements(results)} alone" if are_measured(results) else "refits of the inputs alone"
     return (f" Shaded, here and wherever the PDF of a state is shown: the 95 % band from {what}, without packing "
             "noise.")  # fmt: skip
+
+
+def kind(results: Results) -> str:
+    """What the inputs are: grain properties, or inputs where others are among them."""
+    return "grain properties" if {*results.points.names} <= {"mu_s", "G_p", "nu"} else "inputs"
+
+
+def _measurements(results: Results) -> str:
+    """The measurements behind the inputs: pairs, or measurements."""
+    return "pairs" if are_measured(results) and len(results.points.names) == 2 else "measurements"
 
 
 def _value(symbol: str, value: float) -> str:

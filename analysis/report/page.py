@@ -1,99 +1,128 @@
-"""Small pieces of a self-contained page: tables that fit a phone, embedded figures, the page itself."""
+"""Small pieces of a self-contained page: numbered tables and figures that fit a phone, and the page itself.
+
+A caption defines its number by a key, and any text may refer to it: "@table:quote@" becomes "Table 1" and
+"@figure:fig05@" becomes "Figure 1" on the page.
+"""
 
 from __future__ import annotations
 
 import base64
-import html
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from string import Template
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from ..quantities import INPUTS
+from .headings import HEADINGS
+from .symbols import marked, plain
 
-#: Columns whose values were set, not measured, and are shown as set.
-AS_GIVEN = ("mu_iso",)
-#: Column of a frame -> heading on the page.
-HEADINGS = {
-    "value_interval": "value (interval)", "here_cov": "here (COV)", "paper_cov": "paper (COV)",
-    "before_shear_cov": "before shear (COV)", "difference_pct": "difference (%)", "G_p_GPa": "G_p (GPa)",
-    **{f"only_{symbol}": f"only {symbol}" for symbol in INPUTS},
-    **{f"shapley_{symbol}": f"Shapley effect of {symbol}" for symbol in INPUTS},
-    "sigma_3_kPa": "sigma_3 (kPa)", "d50_mm": "d50 (mm)",
-    "q05": "5%", "q50": "50%", "q95": "95%", "W1_average": "W1, average", "mean_deg": "mean",
-    "sd_deg": "sd", "q05_deg": "5%", "q95_deg": "95%", "run_of_the_largest": "run of the largest",
-    "steady_early": "steady early", "core_hours": "core-hours", "mean_steps": "steps, mean",
-    "sd_of_points": "spread of points", "run_error": "error of one run",
-    "packing": "noise of packings", "own": "noise of single runs", "noise": "noise, both",
-    "kernel_width": "kernel width", "spacing_of_points": "spacing of points", "runs_share": "from runs",
-    "off_diagonal_pct": "off-diagonal / sigma_1", "eta_windows_pct": "eta, by windows",
-    "eta_mean_pct": "eta, of the mean tensor",
-    "mean_bias": "mean bias subtracted", "no_interior_peak": "points without interior peak",
-    "lost_probability": "lost probability", "share_of_runs": "share of runs", "shear_runs": "shear runs",
-    "target": "error asked for", "claimed_for": "claimed for", "error_all_runs": "against all runs",
-    "worst_in": "worst in", "error_surface": "against the surface of all",
-}  # fmt: skip
 TEMPLATE = Path(__file__).with_name("report_template.html")
+#: Width of a picture (pixels) from which it has several panels, so that a phone shows it in a strip that scrolls.
+WIDE = 900
+HINT = "Swipe or scroll sideways to see all of it."
+_DEFINED, _REFERENCE = re.compile(r"@@(figure|table):(\w+)@@"), re.compile(r"@(figure|table):(\w+)@")
+_NUMERIC = re.compile(r"[-+−–±]?\d|–$|withheld$|not reached$|$")
 
 
-def page(title: str, sections: Sequence[tuple[str, str]]) -> str:
-    """The whole page: sections is a list of (heading, HTML); headings with a text get an entry in the contents."""
-    links = "".join(f'<a href="#s{k}">{escape(name)}</a>' for k, (name, _) in enumerate(sections) if name)
-    body = []
-    for k, (name, content) in enumerate(sections):
-        body.append((f'<h2 id="s{k}">{escape(name)}</h2>\n' if name else "") + content)
-        if k == 0:
-            body.append(f"<nav>{links}</nav>")
-    return Template(TEMPLATE.read_text(encoding="utf-8")).substitute(title=escape(title), body="\n".join(body))
+class Section(NamedTuple):
+    """A part of the page: the group that it belongs to, its heading ("" for none) and its HTML."""
+
+    group: str
+    heading: str
+    html: str
 
 
-def table(frame: pd.DataFrame, caption: str = "", stack: bool = False, digits: int = 3) -> str:
-    """A frame as a table; with `stack` every row becomes a card on a narrow screen."""
-    text = [frame[name].dtype.kind in "OSU" for name in frame.columns]
-    head = "".join(
-        f"<th{_class(t)}>{escape(HEADINGS.get(name, name))}</th>" for name, t in zip(frame.columns, text, strict=True)
-    )
+def page(title: str, head: str, sections: Sequence[Section]) -> str:
+    """The whole page: the first screen, the contents by group, then the sections; figures and tables are numbered."""
+    parts, group = [head, _contents(sections)], ""
+    for k, section in enumerate(sections):
+        if section.group != group:
+            group = section.group
+            parts.append(f"<h2>{marked(group)}</h2>")
+        parts.append(f'<h3 id="s{k}">{marked(section.heading)}</h3>\n{section.html}')
+    template = Template(TEMPLATE.read_text(encoding="utf-8"))
+    return template.substitute(title=plain(title), body=numbered("\n".join(parts)))
+
+
+def numbered(html: str) -> str:
+    """HTML with the numbers of its figures and tables, from 1 in the order of the page.
+
+    Raises ValueError for a key that is defined twice.  A reference to what the page does not have stays as it is.
+    """
+    numbers: dict[tuple[str, str], str] = {}
+    counts = {"figure": 0, "table": 0}
+    for kind, key in _DEFINED.findall(html):
+        if (kind, key) in numbers:
+            raise ValueError(f"the page has two captions for the {kind} {key!r}")
+        counts[kind] += 1
+        numbers[kind, key] = f"{kind.capitalize()} {counts[kind]}"
+
+    def number(match: re.Match[str]) -> str:
+        kind, key = match.groups()
+        return numbers.get((kind, key), match[0])
+
+    return _REFERENCE.sub(number, _DEFINED.sub(number, html))
+
+
+def table(
+    frame: pd.DataFrame,
+    key: str,
+    caption: str,
+    stack: bool = False,
+    digits: int = 3,
+    headings: Mapping[str, str] | None = None,
+) -> str:
+    """A frame as a table; with `stack` every row becomes a card on a narrow screen.
+
+    headings: column -> words, for columns that `HEADINGS` does not have.  Raises KeyError for a column without words.
+    """
+    words = {name: {**HEADINGS, **(headings or {})}[name] for name in frame.columns}
+    text = {name: _is_text(frame[name]) for name in frame.columns}
+    head = "".join(f"<th{' class=text' * text[name]}>{marked(words[name])}</th>" for name in frame.columns)
     rows = []
     for values in frame.itertuples(index=False):
-        cells = [_cell(name, value, t, k == 0, digits)
-                 for k, (name, value, t) in enumerate(zip(frame.columns, values, text, strict=True))]  # fmt: skip
+        cells = []
+        for k, (name, value) in enumerate(zip(frame.columns, values, strict=True)):
+            kinds = " ".join(["text"] * text[name] + ["first"] * (k == 0) + ["verdict"] * (name == "verdict"))
+            cells.append(f'<td class="{kinds}" data-name="{plain(words[name])}">{marked(_shown(value, digits))}</td>')
         rows.append(f"<tr>{''.join(cells)}</tr>")
-    title = f"<caption>{escape(caption)}</caption>" if caption else ""
     look = ' class="stack"' if stack else ""
-    inner = f"<table{look}>{title}<thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
-    return f'<div class="scroll">{inner}</div>'
+    inner = f"{table_caption(key, caption)}<thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody>"
+    return f'<div class="scroll"><table{look}>{inner}</table></div>'
 
 
-def headings(frame: pd.DataFrame) -> list[str]:
-    """Symbol and unit of every row of a frame with the columns `quantity` and `unit`, such as "G_0 (MPa)"."""
-    pairs = zip(frame["quantity"], frame["unit"], strict=True)
-    return [symbol if unit == "1" else f"{symbol} ({unit})" for symbol, unit in pairs]
+def table_caption(key: str, caption: str) -> str:
+    """The caption of a table, which begins with its number."""
+    return f"<caption><b>@@table:{key}@@.</b> {marked(caption)}</caption>"
 
 
-def intervals(frame: pd.DataFrame, name: str, dash: str) -> list[str]:
-    """Every value of a column with its interval, from the columns <name>, <name>_low and <name>_high."""
-    columns = (frame[name], frame[f"{name}_low"], frame[f"{name}_high"])
-    return [f"{number(v)} ({number(a)}{dash}{number(b)})" for v, a, b in zip(*columns, strict=True)]
-
-
-def figure(path: str | Path, caption: str) -> str:
-    """An embedded PNG with its caption, which is also the alternative text."""
-    data = base64.b64encode(Path(path).read_bytes()).decode()
-    plain = escape(caption)
-    return f'<figure><img alt="{plain}" src="data:image/png;base64,{data}"><figcaption>{plain}</figcaption></figure>'
+def figure(path: str | Path, key: str, caption: str) -> str:
+    """An embedded PNG with its caption, which is also the alternative text; a wide one scrolls on a narrow screen."""
+    content = Path(path).read_bytes()
+    data = base64.b64encode(content).decode()
+    picture = f'<img alt="@figure:{key}@. {plain(caption)}" src="data:image/png;base64,{data}">'
+    if int.from_bytes(content[16:20], "big") >= WIDE:
+        picture = f'<div class="scroll wide">{picture}</div><p class="hint">{HINT}</p>'
+    return f"<figure>{picture}<figcaption><b>@@figure:{key}@@.</b> {marked(caption)}</figcaption></figure>"
 
 
 def cards(items: Iterable[tuple[str, str]]) -> str:
     """Key numbers side by side: items are (number, words)."""
-    inner = "".join(f"<li><b>{escape(number)}</b>{escape(words)}</li>" for number, words in items)
+    inner = "".join(f"<li><b>{marked(number)}</b>{marked(words)}</li>" for number, words in items)
     return f'<ul class="cards">{inner}</ul>'
 
 
-def paragraph(text: str) -> str:
-    """One paragraph of plain text."""
-    return f"<p>{escape(text)}</p>"
+def paragraph(text: str, kind: str = "") -> str:
+    """One paragraph of plain text, of a class of the template if `kind` is given."""
+    return f"<p{f' class={kind}' if kind else ''}>{marked(text)}</p>"
+
+
+def paragraphs(texts: Iterable[str]) -> str:
+    """Paragraphs of plain text."""
+    return "".join(map(paragraph, texts))
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -109,24 +138,40 @@ def number(value: float, digits: int = 3) -> str:
     return f"{value:.{digits - 1}e}"
 
 
-def escape(text: object) -> str:
-    """Text made safe for HTML."""
-    return html.escape(str(text), quote=True)
+def intervals(frame: pd.DataFrame, name: str) -> list[str]:
+    """Every value of a column with its interval, from the columns <name>, <name>_low and <name>_high."""
+    columns = (frame[name], frame[f"{name}_low"], frame[f"{name}_high"])
+    return [f"{number(v)} ({number(a)} … {number(b)})" if np.isfinite(v) else "–"
+            for v, a, b in zip(*columns, strict=True)]  # fmt: skip
 
 
-def _class(is_text):
-    return ' class="text"' if is_text else ""
+def plural(count: int, one: str, many: str) -> str:
+    """A number with its noun, such as "1 density" and "3 densities"."""
+    return f"{count:,} {one if count == 1 else many}"
 
 
-def _cell(name, value, is_text, first, digits):
-    kinds = ["text"] if is_text else []
-    kinds += ["first"] * first + ["verdict"] * (name == "verdict")
+def listed(words: Sequence[str]) -> str:
+    """Words as a list in a sentence: "dense, medium and loose"."""
+    return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
+
+
+def _contents(sections: Sequence[Section]) -> str:
+    """Links to all sections, one line per group."""
+    lines = []
+    for group in dict.fromkeys(section.group for section in sections):
+        links = "".join(f'<a href="#s{k}">{marked(s.heading)}</a>' for k, s in enumerate(sections) if s.group == group)
+        lines.append(f"<div><b>{marked(group)}</b> {links}</div>")
+    return f"<nav>{''.join(lines)}</nav>"
+
+
+def _is_text(column: pd.Series) -> bool:
+    """Whether a column is set to the left: words, not numbers or texts of numbers."""
+    return column.dtype.kind in "OSUb" and not all(_NUMERIC.match(str(value)) for value in column)
+
+
+def _shown(value: object, digits: int) -> str:
     if isinstance(value, (bool, np.bool_)):
-        shown = "yes" if value else "no"
-    elif name in AS_GIVEN:
-        shown = f"{value:g}"
-    elif isinstance(value, (int, np.integer)) or is_text:
-        shown = "–" if value is None else str(value)
-    else:
-        shown = number(value, digits)
-    return f'<td class="{" ".join(kinds)}" data-name="{escape(HEADINGS.get(name, name))}">{escape(shown)}</td>'
+        return "yes" if value else "no"
+    if isinstance(value, (float, np.floating)):
+        return number(float(value), digits)
+    return "–" if value is None else f"{value:,}" if isinstance(value, (int, np.integer)) else str(value)

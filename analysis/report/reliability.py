@@ -1,111 +1,156 @@
-"""The report's sections on reliability: sources of the scatter, enough runs, other sizes, proofs and noise."""
+"""The report's sections on trust: standing of the states, accuracy, sources of the variance, checks and benchmarks."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+import numpy as np
 import pandas as pd
 
 from ..results.reader import Results
 from ..tables.variance_sources import share_columns
 from . import input_words, page, wording
+from .headings import in_order, quantity_words, readable
 
 Frames = Mapping[str, pd.DataFrame]
+Names = Mapping[float, str]
+ORDER = ["quantity", "state", "mu_iso"]
 
 
-def sources(results: Results, frames: Frames) -> str:
-    """HTML on the sources of the variance, and on the points and PDEM against Monte Carlo."""
+def standings(frames: Frames, names: Names) -> str:
+    """HTML of the standing of every peak and critical state, with the reason."""
+    frame = frames["standings"].sort_values("family", key=lambda family: family != "coupled", kind="stable")
+    frame = readable(frame, names)
+    caption = "Standing of peak and critical state. ± is the half width of the 95 % interval"
+    columns = ["density", "state", "family", "standing", "reason"]
+    if frame["family"].nunique() == 1:
+        columns.remove("family")
+    return page.paragraph(wording.STANDINGS) + page.table(frame[columns], "standings", caption, stack=True)
+
+
+def accuracy(results: Results, frames: Frames, names: Names) -> str:
+    """HTML on what limits the accuracy: the noise of packings and runs, and the number of pairs."""
+    texts = [wording.packing(frames["packing_design"])]
+    parts = []
+    moments = frames["moments"]
+    if len(moments):
+        facts = frames["report_facts"].iloc[0]
+        texts += input_words.accuracy_words(results, facts)
+    if len(moments) and facts["measurements"]:
+        shares = in_order(moments[moments["kind"] == "denoised"])
+        shares = shares.assign(runs_share=[f"{100 * v:.0f}" for v in shares["runs_share"]])
+        caption = "Share of the squared width of the mean's 95 % interval that more or larger runs could remove"
+        parts.append(page.table(readable(shares[[*ORDER, "runs_share"]], names), "runs_share", caption))
+    noise = frames["noise"]
+    if len(noise):
+        noise = noise.assign(**{name: page.intervals(noise, name) for name in ("packing", "own")})
+        shown = readable(in_order(noise)[["quantity", "mu_iso", "packing", "own", "run_error"]], names)
+        caption = "Noise at the critical state: standard deviations with 95 % intervals"
+        parts.append(page.table(shown, "noise", caption, stack=True))
+    return page.paragraphs(texts) + "".join(parts)
+
+
+def sources(results: Results, frames: Frames, names: Names) -> str:
+    """HTML on the sources of the variance; a sentence with too few runs."""
     shares = frames["variance_sources"]
     if not len(shares):
-        return page.paragraph(
-            "Too few runs for shares of the variance: they need at least "
-            f"{frames['report_facts'].iloc[0]['runs_needed']} points per density."
-        )
+        needed = frames["report_facts"].iloc[0]["runs_needed"]
+        return page.paragraph(f"Shares of the variance need at least {needed} points per density.")
     parts = [*share_columns(results.points.names), "noise"]
-    shares = shares[["quantity", "state", "mu_iso", *parts, "packing", "own"]].assign(
+    shares = in_order(shares)
+    shares = shares.assign(
         **{k: [f"{v:.2f}" for v in shares[k]] for k in parts},
-        **{k: [f"{v:.2f} ({a:.2f}–{b:.2f})" if v == v else "–" for v, a, b in
+        **{k: [f"{v:.2f} ({a:.2f} … {b:.2f})" if v == v else "–" for v, a, b in
                zip(shares[k], shares[f"{k}_low"], shares[f"{k}_high"], strict=True)] for k in ("packing", "own")},
+    )[[*ORDER, *parts, "packing", "own"]]  # fmt: skip
+    caption = (
+        f"Shares of the variance of single specimens: explained by {input_words.inputs_counted(results)}, and noise "
+        "(95 % intervals)"
+    )
+    heads = {"shared": "Several of them"} if len(results.points.names) > 2 else {}
+    return page.paragraph(input_words.sources_words(results)) + page.table(
+        readable(shares, names), "variance_sources", caption, digits=2, headings=heads
+    )
+
+
+def against_monte_carlo(frames: Frames, names: Names) -> str:
+    """HTML on the points and PDEM against Monte Carlo through the model; "" with too few runs."""
+    check, along = frames["monte_carlo"], frames["monte_carlo_along_strain"]
+    if not len(check):
+        return ""
+    differences = [f"{name}_diff" for name in ("mean", "sd", "q05", "q50", "q95")]
+    check = check.assign(**{name: [f"{100 * v:+.1f}" for v in check[name]] for name in differences})
+    html = page.paragraph(wording.AGAINST_MONTE_CARLO) + page.table(
+        readable(in_order(check)[[*ORDER, *differences]], names), "monte_carlo",
+        "Points minus Monte Carlo; sd is the standard deviation with the noise of a run", stack=True,
     )  # fmt: skip
-    check = frames["monte_carlo"]
-    check = check[check["quantity"].isin(("eta", "e", "Z", "G_0"))]
-    compared = {name: [f"{page.number(a)} ({100 * difference:+.1f})"
-                       for a, difference in zip(check[name], check[f"{name}_diff"], strict=True)]
-                for name in ("mean", "sd", "q05", "q50", "q95")}  # fmt: skip
-    along = frames["monte_carlo_along_strain"]
-    percent = [name for name in along.columns if name not in ("mu_iso", "quantity", "unit")]
-    along = along.assign(quantity=page.headings(along), **{k: [f"{100 * v:.1f}" for v in along[k]] for k in percent})
-    return "".join((
-        page.paragraph(input_words.sources_words(results)),
-        page.table(
-            shares.sort_values(["quantity", "state", "mu_iso"]), "Shares of the variance (95 % intervals)", digits=2
-        ),
-        page.table(
-            check[["state", "mu_iso"]].assign(**compared, quantity=page.headings(check))
-            [["quantity", "state", "mu_iso", *compared]],
-            "Moments and quantiles of the points; in brackets their difference from Monte Carlo through the model with "
-            "noise, in % of its standard deviation",
-            stack=True,
-        ),
-        page.table(
-            along.drop(columns="unit"),
-            "PDEM against Monte Carlo along strain beyond 1 %: largest differences in % of the standard deviation; "
-            "W1: Wasserstein distance of the PDFs",
-        ),
-    ))  # fmt: skip
+    if not len(along):
+        return html
+    percent = {"mean": "mean_diff", "sd": "sd_diff", "q05": "q05_diff", "q95": "q95_diff", "W1": "W1",
+               "W1_average": "W1_average"}  # fmt: skip
+    shown = along.assign(**{name: [f"{100 * v:.1f}" for v in along[name]] for name in percent})
+    shown = readable(in_order(shown)[["quantity", "mu_iso", *percent]], names).rename(columns=percent)
+    return html + page.table(shown, "monte_carlo_along_strain",
+                             "PDEM against Monte Carlo: largest differences along strain beyond 1 %")  # fmt: skip
 
 
-def replay(frames: Frames) -> str:
-    """HTML on the stopping rule applied in hindsight."""
-    frame = frames["stopping_replay"]
-    if not len(frame):
-        return page.paragraph("This cannot be judged: points were spared, or too few were run.")
-    shares = ("share_of_runs", "claimed", "error_all_runs", "error_surface")
-    shown = frame.assign(**{name: [f"{v:.1%}" for v in frame[name]] for name in shares})
-    return page.paragraph(wording.REPLAY) + page.table(shown, "The stopping rule in hindsight", stack=True)
-
-
-def friction_angles(frames: Frames) -> str:
-    """HTML of the friction angles with their intervals."""
-    frame = frames["design"]
-    names = ("mean_deg", "sd_deg", "q05_deg", "q95_deg")
-    shown = frame.assign(**{name: [f"{v:.1f} ({a:.1f}–{b:.1f})" if v == v else "withheld" for v, a, b in zip(
-        frame[name], frame[f"{name}_low"], frame[f"{name}_high"], strict=True)] for name in names})  # fmt: skip
-    caption = "Friction angles (degrees): mean, standard deviation, 5 % (characteristic) and 95 % quantile"
-    columns = ["mu_iso", "state", "standing", "kind", *names]
-    return page.paragraph(wording.FRICTION_ANGLES) + page.table(shown[columns], caption, stack=True)
-
-
-def noise_and_proofs(frames: Frames) -> str:
-    """HTML of the proofs, the drift, the noise of packings, the bands, the PDF widths and the lost probability."""
-    parts = [page.table(frames["proofs"], "Checks of the shear runs", stack=True)]
-    parts += map(page.paragraph, wording.proof_notes(frames))
-    noise = frames["noise"]
-    intervals = {name: page.intervals(noise, name, "–") for name in ("packing", "own")}
-    noise = noise.assign(**intervals, quantity=page.headings(noise))
-    parts.append(page.table(
-        noise[["quantity", "mu_iso", "sd_of_points", "packing", "own", "run_error"]],
-        "Noise at the critical state: standard deviation over the points, of packings and of single runs (95 % "
-        "intervals), and the standard error of one run's average from its own fluctuation",
-        stack=True,
-    ))  # fmt: skip
+def checks(frames: Frames, names: Names) -> str:
+    """HTML of the checks of the runs: limits, probes, axes of stress, widths of the PDFs, lost probability."""
+    parts = [
+        page.table(frames["proofs"], "proofs", "Checks of the shear runs, as relative errors unless named", stack=True)
+    ]
+    parts.append(page.paragraphs(wording.proof_notes(frames)))
     if len(frames["stress_axes"]):
         parts.append(page.paragraph(wording.STRESS_AXES))
-        parts.append(page.table(frames["stress_axes"], "Axes of the cell and principal axes of stress, in %", digits=2))
-    if len(frames["peak_estimates"]):
-        parts.append(page.paragraph(wording.PEAKS))
-        parts.append(page.table(frames["peak_estimates"], "How the peaks were estimated", digits=2))
-    if len(frames["rowe"]):
-        parts.append(page.paragraph(wording.ROWE))
-        parts.append(page.table(frames["rowe"], "Rowe's ratio at the peak: mean and range over the points", digits=3))
-    parts.append(page.table(
-        frames["pdf_widths"].assign(quantity=page.headings(frames["pdf_widths"])).drop(columns="unit"),
-        "Width of the PDFs: kernel beside the spread of the points, at the last strain",
-    ))  # fmt: skip
+        caption = "Axes of the cell and principal axes of stress at the critical state: means over the runs"
+        parts.append(page.table(readable(frames["stress_axes"], names), "stress_axes", caption, digits=2))
+    widths = frames["pdf_widths"]
+    if len(widths):
+        shares = {"kernel_share": "kernel_width", "spacing_share": "spacing_of_points"}
+        widths = widths.assign(**{name: widths[of] / widths["sd_of_points"] for name, of in shares.items()})
+        caption = "What widens the PDFs at the last strain, over the standard deviation of the points"
+        shown = readable(in_order(widths)[["quantity", "mu_iso", *shares]], names)
+        parts.append(page.table(shown, "pdf_widths", caption, digits=2))
     losses = frames["losses"]
     if losses[["failed", "extended", "lost_probability"]].any(axis=None):
-        parts.append(page.table(losses, "Failed and continued shear runs, and their probability", stack=True))
+        caption = "Failed and continued shear runs, and their probability"
+        parts.append(page.table(readable(losses, names), "losses", caption, stack=True))
     return "".join(parts)
+
+
+def peaks(frames: Frames, names: Names) -> str:
+    """HTML on how the peaks were estimated, and Rowe's relation."""
+    parts = []
+    if len(frames["peak_estimates"]):
+        parts.append(page.paragraph(wording.PEAKS))
+        caption = "How the peaks were estimated"
+        parts.append(page.table(readable(frames["peak_estimates"], names), "peak_estimates", caption, digits=2))
+    if len(frames["rowe"]):
+        parts.append(page.paragraph(wording.ROWE))
+        shown = readable(frames["rowe"].drop(columns="points"), names)
+        parts.append(page.table(shown, "rowe", "Rowe's ratio at the peak: mean and range over the points"))
+    return "".join(parts)
+
+
+def replay(frames: Frames, names: Names) -> str:
+    """HTML on the stopping rule, applied to runs that are all there."""
+    frame = frames["stopping_replay"]
+    if not len(frame):
+        return page.paragraph(wording.NO_REPLAY)
+    if not np.isfinite(frame["claimed"]).any():
+        return page.paragraph(wording.REPLAY_WITHOUT_PACKINGS)
+    shares = ("share_of_runs", "claimed", "error_all_runs", "error_surface")
+    shown = frame.assign(**{k: [f"{100 * v:.1f} %" if np.isfinite(v) else "none" for v in frame[k]] for k in shares},
+                         **{k: [_named(text, names) for text in frame[k]] for k in ("claimed_for", "worst_in")},
+                         target=frame["target"].str.replace("%", " %"))  # fmt: skip
+    caption = "Where the rule would have stopped, the error that it claims, and the errors that the other runs show"
+    return page.paragraph(wording.REPLAY) + page.table(shown, "stopping_replay", caption, stack=True)
+
+
+def _named(response: str, names: Names) -> str:
+    """Name of a judged response with the name of its density in place of mu_iso."""
+    words, _, mu_iso = response.partition(", mu_iso = ")
+    return f"{words}, {names[float(mu_iso)]}" if mu_iso else response
 
 
 def other_runs(frames: Frames) -> str:
@@ -118,30 +163,53 @@ def other_runs(frames: Frames) -> str:
 
 
 def _fidelity(frame: pd.DataFrame) -> Iterator[str]:
-    """Bias and scatter apart, one row per response and one column per rung."""
-    cells = [f"{b:+.1f} ± {h:.1f}, {word}" for b, h, word in
+    """Bias and scatter apart, one row per response and one column per other setting."""
+    frame = frame.assign(response=[_response(text) for text in frame["response"]])
+    within = {"yes": "within", "no": "outside"}
+    cells = [f"{b:+.1f} ± {h:.1f}, {within.get(word, word)}" for b, h, word in
              zip(frame["bias (%)"], frame["± (%)"], frame["bias within"], strict=True)]  # fmt: skip
     bias = _wide(frame.assign(cell=cells), "against", "cell")
     scatter = _wide(frame, "against", "scatter, rung (%)").dropna(axis=1, how="all")
-    scatter.insert(1, "lowest rung", _wide(frame, "against", "scatter, laptop (%)").iloc[:, 1])
+    scatter.insert(1, "this setting", _wide(frame, "against", "scatter, laptop (%)").iloc[:, 1])
     failed = int(frame.drop_duplicates("against")["failed"].sum() + frame["failed, laptop"].iloc[0])
     promised = frame["promised (%)"].iloc[0]
-    caption = f"bias of this campaign's setting against each rung in %, ± 95 %, and whether it is within {promised:g} %"
-    yield page.table(bias, f"The fidelity ladder: {caption} ({failed} chains failed)", stack=True)
-    yield page.table(scatter, "Scatter between packings at the same point in %", digits=2)
+    heads = {name: f"{name[0].upper()}{name[1:]}" for name in (*bias.columns, *scatter.columns)}
+    heads |= {name: f"{words} (%)" for name, words in heads.items() if name != "response"}
+    yield page.table(
+        bias, "fidelity",
+        f"Bias of this campaign's setting against others in %, ± half width of the 95 % interval, and whether it is "
+        f"within {promised:g} % ({page.plural(failed, 'chain of runs', 'chains of runs')} failed)",
+        stack=True, headings=heads,
+    )  # fmt: skip
+    yield page.table(scatter, "scatter", "Scatter between packings at the same point in %", digits=2, headings=heads)
 
 
 def _beyond(frame: pd.DataFrame) -> Iterator[str]:
     """Differences from what each case is compared with, one row per response, beside the scatters."""
-    frame = frame.assign(response=frame["response"] + ", " + frame["state"])
+    frame = frame.assign(
+        response=[_response(f"{r}_{s}") for r, s in zip(frame["response"], frame["state"], strict=True)]
+    )
+    frame["case"] = frame["case"].replace("own pair a grain", "own pair per grain")
     differences = _wide(frame.assign(cell=[f"{v:+.1f}" for v in frame["difference (%)"]]), "case", "cell")
     for name in ("scatter between packings (%)", "scatter between draws (%)"):
-        differences[name.removesuffix(" (%)")] = frame.groupby("response", sort=False)[name].max().to_numpy()
+        differences[name] = frame.groupby("response", sort=False)[name].max().to_numpy()
     sides = (("case", "failed"), ("against", "failed of the other"))
     failed = sum(int(frame.drop_duplicates(side)[count].sum()) for side, count in sides)
-    caption = (f"Difference in %: of a grading from the standard one, of one pair per grain from one pair per "
-               f"specimen ({failed} chains failed)")  # fmt: skip
-    yield page.table(differences, caption, stack=True, digits=2)
+    heads = {name: f"{name[0].upper()}{name[1:]}" for name in differences.columns}
+    heads |= {name: f"{words} (%)" for name, words in heads.items() if name in set(frame["case"])}
+    yield page.table(
+        differences, "beyond",
+        "Difference in %: of a grading from the standard one, of grains with their own pairs from grains with one pair "
+        f"({page.plural(failed, 'chain of runs', 'chains of runs')} failed)",
+        stack=True, digits=2, headings=heads,
+    )  # fmt: skip
+
+
+def _response(text: str) -> str:
+    """Words of a response of a benchmark, such as "eta_peak" or "G_0 (MPa)_probe"."""
+    symbol, _, state = text.rpartition("_")
+    words = {"peak": "peak", "critical": "critical", "probe": "small strain"}
+    return f"{quantity_words(symbol.split(' (')[0]).split(' (')[0]}, {words.get(state, state)}"
 
 
 def _wide(frame: pd.DataFrame, column: str, value: str) -> pd.DataFrame:

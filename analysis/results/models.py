@@ -1,22 +1,58 @@
-"""The model of every response and state of a density: inputs, packing and own noise, fitted to all its runs at once."""
+"""The model of every response and state of a density: inputs, packing and own noise, fitted to all its runs at once.
+
+`state_moments` gives what the tables, the report and `Results.quote` show of a state: mean, standard deviation and
+quantiles with intervals.  Every place that shows one of these numbers takes it from there.
+"""
 
 from __future__ import annotations
 
-import numpy as np
+from typing import NamedTuple
 
+import numpy as np
+from scipy.stats import qmc
+
+from ..inputs.joint import Joint
+from ..inputs.measurements import measurements_behind, refitted_joints
 from ..surrogates import surrogate
 from ..surrogates.basis import fewest_fitted, fewest_runs
+from ..surrogates.distribution import QUANTILE_LEVELS, Distribution, moments_and_quantiles
 from ..surrogates.surrogate import Surrogate
+from .friction_angle import friction_angle
 from .reader import Results, Runs
 
 #: Fewest runs of a density whose moments have intervals, with up to three inputs (`runs_with_moments`).
 FEWEST = 8
+#: log2 of the samples of the inputs, and the number of refits of the inputs (`inputs.measurements`).
+POWER, REFITS = 9, 200
+#: Symbol of the friction angle, which is computed from the stress ratio of every run.
+ANGLE = "phi"
+
+
+class StateMoments(NamedTuple):
+    """Moments and quantiles of a quantity at a state, in SI units (friction angles in degrees).
+
+    `runs_share`: share of the squared width of the interval of the mean that more or larger runs could remove; the rest
+    is due to the number of measurements behind the inputs.  `packings`: their number; with one or two the intervals
+    lack what all points share through them.
+    """
+
+    distribution: Distribution
+    runs_share: float
+    packings: int
+
+
+def state_runs(results: Results, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> Runs:
+    """Values of a quantity at a state in the single runs, in SI units; friction angles (`ANGLE`) in degrees."""
+    if symbol != ANGLE:
+        return results.runs_at(state, symbol, mu_iso, family)
+    runs = results.runs_at(state, "eta", mu_iso, family)
+    return runs._replace(values=friction_angle(runs.values))
 
 
 def state_model(results: Results, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> Surrogate | None:
     """Model (one row) of a quantity at a state, in SI units; None with too few runs.  It is fitted once."""
     key = ("state model", state, symbol, f"{mu_iso:g}", family)
-    return results.cached(key, lambda: model_of(results, results.runs_at(state, symbol, mu_iso, family), family))
+    return results.cached(key, lambda: model_of(results, state_runs(results, state, symbol, mu_iso, family), family))
 
 
 def curve_model(results: Results, symbol: str, mu_iso: float, family: str = "coupled") -> Surrogate | None:
@@ -44,3 +80,57 @@ def runs_with_moments(results: Results) -> int:
     With more than three inputs, twice as many as the plane of the model has coefficients.
     """
     return max(FEWEST, 2 * len(results.points.names) + 2)
+
+
+def joint_samples(results: Results, power: int) -> np.ndarray:
+    """2^power samples (m, d) of the joint inputs, from Sobol' points."""
+    joint = Joint.from_dict(results.inputs["joint"])
+    return joint.inverse_rosenblatt(qmc.Sobol(joint.dimension, seed=1).random_base2(power))
+
+
+def has_model(results: Results, state: str, symbol: str, mu_iso: float, fewest: int = 0) -> bool:
+    """Whether a quantity at a state is in the file, varies, and has so many runs; False without a joint distribution.
+
+    fewest: by default `runs_with_moments`.
+    """
+    fewest = fewest or runs_with_moments(results)
+    of_file = "eta" if symbol == ANGLE else symbol
+    if not results.inputs["joint"] or of_file not in results.state_symbols(state, mu_iso):
+        return False
+    values = results.measured(state, of_file, mu_iso)
+    return bool(np.isfinite(values).sum() >= fewest and np.nanstd(values) > 0)
+
+
+def state_moments(results: Results, state: str, symbol: str, mu_iso: float) -> StateMoments | None:
+    """Moments and quantiles of a quantity at a state of a density; None with too few runs (`runs_with_moments`).
+
+    The intervals contain the error of the model and that of the inputs, if the number of measurements behind them is
+    known.  Computed once.
+    """
+    key = ("state moments", state, symbol, f"{mu_iso:g}")
+    return results.cached(key, lambda: _state_moments(results, state, symbol, mu_iso))
+
+
+def _state_moments(results: Results, state: str, symbol: str, mu_iso: float) -> StateMoments | None:
+    model = state_model(results, state, symbol, mu_iso) if has_model(results, state, symbol, mu_iso) else None
+    if model is None:
+        return None
+    samples = results.cached(("samples of the inputs", POWER), lambda: joint_samples(results, POWER))
+    refits = input_refits(results)
+    behind = measurements_behind(results.inputs, results.pairs)
+    found = moments_and_quantiles(model, samples, levels=QUANTILE_LEVELS, refits=refits, pairs=behind)
+    return StateMoments(found, float(found.runs_share[0]), model.packings)
+
+
+def input_refits(results: Results) -> np.ndarray | None:
+    """Samples (B, m, d) of the refitted inputs; None if they are not refitted.  Computed once."""
+    return results.cached("refits of the inputs", lambda: _refits(results))
+
+
+def _refits(results: Results) -> np.ndarray | None:
+    """Samples (B, m, d) of the refitted inputs, with common random numbers; None if they are not refitted."""
+    joints = refitted_joints(results.inputs, results.pairs, REFITS)
+    if not joints:
+        return None
+    uniforms = qmc.Sobol(joints[0].dimension, seed=1).random_base2(POWER)
+    return np.stack([joint.inverse_rosenblatt(uniforms) for joint in joints])

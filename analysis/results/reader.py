@@ -5,6 +5,8 @@
     eta = results.response("eta", mu_iso=0.04)        # eta.values (T, Q), eta.mean, eta.std, eta.pdf
     peak = results.state("peak", "eta", mu_iso=0.04)  # one value per point, NaN where the run is missing
     results.probability(0.04)                         # the probabilities of these values, of sum 1
+    results.state("peak", "eta", "dense")             # a density has a name, too: results.density_names
+    results.quote()                                   # the numbers to quote, with their uncertainties
 
 Everything is in SI units; names and displayed units are in analysis/quantities.py.
 """
@@ -30,6 +32,8 @@ from ..pdem import weighted
 from ..pdem.pdf import PDF
 from ..points.representative_points import RepresentativePoints
 from ..quantities import CONSOLIDATED, QUANTITIES, STAGE_STATES, Quantity
+from .densities import density_names
+from .derived import DerivedQuantities
 from .standing import PROVEN, Standing, curves_standing
 
 FORMAT, FORMAT_VERSION = "campaign-results", 5
@@ -105,6 +109,11 @@ class Response:
         """Standard deviation of the points at every strain, (T,), in SI units."""
         return weighted.std(self.values, self.probability)
 
+    @property
+    def strain_pct(self) -> np.ndarray:
+        """Axial strains (T,) in %, the unit of the axis label `QUANTITIES["eps_a"].label`."""
+        return self.strain * QUANTITIES["eps_a"].shown_factor
+
     def quantile(self, q: float) -> np.ndarray:
         """Quantile q of the points at every strain, (T,), in SI units."""
         return np.array([weighted.quantile(row, self.probability, q) for row in self.values])
@@ -117,9 +126,10 @@ class Response:
 
 
 @dataclass(frozen=True)
-class Results:
+class Results(DerivedQuantities):
     """A campaign's results: tables in memory; responses and states are read from the file on demand.
 
+    Methods take a density as mu_iso or by its name (`density_names`), such as 0.001 or "dense".
     `strain` (T,); `densities` are the mu_iso of all families; `points` the representative points; `runs` one row per
     run; `pairs` (n, d) of the random variables (SI units); `inputs` the distributions; `diameters` (N,) m.
     """
@@ -148,33 +158,37 @@ class Results:
         with self._open() as file:
             return self._densities(file, family)
 
+    def density_names(self, family: str = "coupled") -> dict[float, str]:
+        """Name of each density mu_iso of a family, such as dense, medium and loose for three."""
+        return density_names(self.family_densities(family))
+
     def family_points(self, family: str = "coupled") -> RepresentativePoints:
         """The points of a family, with the properties that its runs have."""
         with self._open() as file:
             self._densities(file, family)
             return _points(file[f"families/{family}/points"], self.points.names, self.points.constants)
 
-    def probability(self, mu_iso: float, family: str = "coupled") -> np.ndarray:
+    def probability(self, mu_iso: float | str, family: str = "coupled") -> np.ndarray:
         """Probabilities (Q,) of the points at a density, of sum 1; zero where a point has no run."""
         with self._open() as file:
             return self._group(file, mu_iso, family, "weight")[()]
 
-    def packing(self, mu_iso: float, family: str = "coupled") -> np.ndarray:
+    def packing(self, mu_iso: float | str, family: str = "coupled") -> np.ndarray:
         """Packing (Q,) of each point at a density: the random seed of its assembly.  All equal: one packing for all."""
         with self._open() as file:
             return self._packing(self._group(file, mu_iso, family))
 
-    def weights(self, mu_iso: float, family: str = "coupled") -> np.ndarray:
+    def weights(self, mu_iso: float | str, family: str = "coupled") -> np.ndarray:
         """Former name of `probability`; will be removed in the next version."""
         warnings.warn("Results.weights is now Results.probability", DeprecationWarning, stacklevel=2)
         return self.probability(mu_iso, family)
 
-    def bootstrap_weights(self, mu_iso: float, family: str = "coupled") -> np.ndarray | None:
+    def bootstrap_weights(self, mu_iso: float | str, family: str = "coupled") -> np.ndarray | None:
         """Former name of `bootstrap_probability`; will be removed in the next version."""
         warnings.warn("Results.bootstrap_weights is now bootstrap_probability", DeprecationWarning, stacklevel=2)
         return self.bootstrap_probability(mu_iso, family)
 
-    def bootstrap_probability(self, mu_iso: float, family: str = "coupled") -> np.ndarray | None:
+    def bootstrap_probability(self, mu_iso: float | str, family: str = "coupled") -> np.ndarray | None:
         """Probabilities (B, Q) of the points at a density under inputs refitted to B resamples of the pairs, or None.
 
         As in `probability`, a point without a run has zero (the nearest point with a run has its probability); every
@@ -190,7 +204,7 @@ class Results:
         np.add.at(probability.T, bearer, drawn.T)
         return weighted.normalised(probability)
 
-    def filled(self, mu_iso: float, family: str = "coupled", state: str = "critical") -> np.ndarray:
+    def filled(self, mu_iso: float | str, family: str = "coupled", state: str = "critical") -> np.ndarray:
         """Which points (Q,) of a density were not run for a state; a regression over the inputs gives their values."""
         stage = next((stage for stage, states in STAGE_STATES.items() if state in states), None)
         if stage is None:
@@ -198,18 +212,18 @@ class Results:
         with self._open() as file:
             return self._group(file, mu_iso, family, "filled", stage)[()]
 
-    def measured(self, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> np.ndarray:
+    def measured(self, state: str, symbol: str, mu_iso: float | str, family: str = "coupled") -> np.ndarray:
         """Values (Q,) of a quantity at a state from runs only, in SI units; NaN where missing, filled or withheld."""
         values = self.state(state, symbol, mu_iso, family, withheld="nan")
         return np.where(self.filled(mu_iso, family, state), np.nan, values)
 
-    def runs_at(self, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> Runs:
+    def runs_at(self, state: str, symbol: str, mu_iso: float | str, family: str = "coupled") -> Runs:
         """Values of a quantity at a state in the single runs, in SI units; NaN where missing or withheld."""
         values = self.measured(state, symbol, mu_iso, family)
         with self._open() as file:
             return self._single(file, mu_iso, family, values, f"state_replicates/{state}/{symbol}")
 
-    def runs_along(self, symbol: str, mu_iso: float, family: str = "coupled") -> Runs:
+    def runs_along(self, symbol: str, mu_iso: float | str, family: str = "coupled") -> Runs:
         """Values (T, n) of a response along strain in the single runs, in SI units; NaN where missing."""
         filled = self.filled(mu_iso, family)
         with self._open() as file:
@@ -217,12 +231,12 @@ class Results:
             values = np.where(filled, np.nan, values)
             return self._single(file, mu_iso, family, values, f"replicates/{symbol}")
 
-    def counts(self, mu_iso: float, family: str = "coupled") -> dict[str, Any]:
+    def counts(self, mu_iso: float | str, family: str = "coupled") -> dict[str, Any]:
         """Numbers of shear runs planned, done, failed, spared and extended at a density, and the lost probability."""
         with self._open() as file:
             return _plain(self._group(file, mu_iso, family).attrs)
 
-    def response(self, symbol: str, mu_iso: float, family: str = "coupled") -> Response:
+    def response(self, symbol: str, mu_iso: float | str, family: str = "coupled") -> Response:
         """One response along strain at one density.  Raises ResultsError if the file has none of that name."""
         with self._open() as file:
             base = self._group(file, mu_iso, family)
@@ -238,13 +252,13 @@ class Results:
                 pdf=PDF.from_hdf5(group).with_points(values, probability),
             )
 
-    def symbols(self, mu_iso: float, family: str = "coupled") -> tuple[str, ...]:
+    def symbols(self, mu_iso: float | str, family: str = "coupled") -> tuple[str, ...]:
         """Symbols of the responses along strain at a density."""
         with self._open() as file:
             return tuple(self._group(file, mu_iso, family, "responses"))
 
     def state(
-        self, state: str, symbol: str, mu_iso: float, family: str = "coupled", withheld: str = "raise"
+        self, state: str, symbol: str, mu_iso: float | str, family: str = "coupled", withheld: str = "raise"
     ) -> np.ndarray:
         """Values (Q,) of a quantity at a state ("initial", "peak", "critical", "probe"), in SI units.
 
@@ -259,16 +273,16 @@ class Results:
             return values
         if withheld == "raise":
             raise NotReachedError(
-                f"{self.path}: {symbol} at the {state} state of {family}, mu_iso = {mu_iso:g}: {standing.status}, "
+                f"{self.path}: {symbol} at the {state} state of {family}, {_density(mu_iso)}: {standing.status}, "
                 f'{standing.reason}; withheld="show" gives the values all the same'
             )
         return np.full(len(values), np.nan)
 
-    def shown_state(self, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> np.ndarray:
+    def shown_state(self, state: str, symbol: str, mu_iso: float | str, family: str = "coupled") -> np.ndarray:
         """Values (Q,) of a quantity at a state as tables and figures show them: NaN where missing or withheld."""
         return self.state(state, symbol, mu_iso, family, withheld="nan")
 
-    def standing(self, state: str, mu_iso: float, family: str = "coupled") -> Standing:
+    def standing(self, state: str, mu_iso: float | str, family: str = "coupled") -> Standing:
         """Standing of a state at a density: proven, not proven at this size, or not reached, with the reason.
 
         As stored in the file; for files of earlier versions it is computed from the curves.  The initial state and the
@@ -278,8 +292,9 @@ class Results:
             raise ResultsError(f"{self.path}: there is no state {state!r}, only {', '.join(STATES)}")
         if state not in JUDGED_STATES:
             return PROVEN_STATE
-        key = ("standing", state, f"{mu_iso:g}", family)
-        return self.cached(key, lambda: self._standing(state, mu_iso, family))
+        with self._open() as file:
+            value = self._mu_iso(file, mu_iso, family)
+        return self.cached(("standing", state, value, family), lambda: self._standing(state, value, family))
 
     def _standing(self, state: str, mu_iso: float, family: str) -> Standing:
         with self._open() as file:
@@ -289,7 +304,7 @@ class Results:
         curves = {symbol: self.response(symbol, mu_iso, family) for symbol in ("eta", "e")}
         return curves_standing(state, self.strain, curves)
 
-    def consolidated(self, symbol: str, mu_iso: float, family: str = "coupled") -> tuple[np.ndarray, np.ndarray]:
+    def consolidated(self, symbol: str, mu_iso: float | str, family: str = "coupled") -> tuple[np.ndarray, np.ndarray]:
         """Values (R,) of e, e_m, Z or Z_m after the R consolidations of a density, and probabilities (R,) of sum 1.
 
         One consolidation per packing: all have the same probability.  With `per_point` one per point and packing: those
@@ -298,8 +313,8 @@ class Results:
         if symbol not in CONSOLIDATED:
             raise ResultsError(f"{self.path}: consolidations have no {symbol!r}, only {', '.join(CONSOLIDATED)}")
         with self._open() as file:
-            self._group(file, mu_iso, family)
-        runs = self.runs[(self.runs["stage"] == "consolidate") & (self.runs["mu_iso"] == mu_iso)]
+            value = self._mu_iso(file, mu_iso, family)
+        runs = self.runs[(self.runs["stage"] == "consolidate") & (self.runs["mu_iso"] == value)]
         runs = runs[runs["family"].isin(["shared", family]) & np.isfinite(runs[symbol].astype(float))]
         probability = np.ones(len(runs))
         if (runs["point"] >= 0).any():
@@ -311,20 +326,20 @@ class Results:
         values = runs[symbol].to_numpy(float)
         return values, weighted.normalised(probability) if len(probability) else probability
 
-    def state_error(self, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> np.ndarray | None:
+    def state_error(self, state: str, symbol: str, mu_iso: float | str, family: str = "coupled") -> np.ndarray | None:
         """Standard errors (Q,) of a state's values from the fluctuation within the runs, or None if not estimated."""
         with self._open() as file:
             self._group(file, mu_iso, family, "states", state, symbol)
-            dataset = file.get(f"families/{family}/{mu_iso:g}/errors/{state}/{symbol}")
+            dataset = self._group(file, mu_iso, family).get(f"errors/{state}/{symbol}")
             return None if dataset is None else dataset[()]
 
-    def peak_estimate(self, mu_iso: float, family: str = "coupled") -> PeakEstimate | None:
+    def peak_estimate(self, mu_iso: float | str, family: str = "coupled") -> PeakEstimate | None:
         """How the peaks of a density were estimated; None if each point has the peak of its own run."""
         with self._open() as file:
             group = self._group(file, mu_iso, family).get("peak_estimate")
             return None if group is None else PeakEstimate(group["bias"][()], group["interior"][()])
 
-    def state_symbols(self, state: str, mu_iso: float, family: str = "coupled") -> tuple[str, ...]:
+    def state_symbols(self, state: str, mu_iso: float | str, family: str = "coupled") -> tuple[str, ...]:
         """Symbols of the quantities at a state; empty if the campaign has no such stage."""
         with self._open() as file:
             return tuple(self._group(file, mu_iso, family).get(f"states/{state}", ()))
@@ -337,20 +352,25 @@ class Results:
             raise ResultsError(f"{self.path}: there is no family {family!r}, only {', '.join(self.families)}")
         return tuple(sorted(float(name) for name in file[f"families/{family}"] if name != "points"))
 
-    def _group(self, file: h5py.File, mu_iso: float, family: str, *names: str) -> Any:
+    def _mu_iso(self, file: h5py.File, density: float | str, family: str) -> float:
+        """The density of a family that a number mu_iso or a name means; the error names what there is instead."""
+        names = density_names(self._densities(file, family))
+        for mu_iso, name in names.items():
+            if density == name or (isinstance(density, numbers.Real) and f"{density:g}" == f"{mu_iso:g}"):
+                return mu_iso
+        there = ", ".join(f"{mu_iso:g} ({name})" for mu_iso, name in names.items())
+        raise ResultsError(f"{self.path}: {family} has no density {_density(density)}, only {there}")
+
+    def _group(self, file: h5py.File, density: float | str, family: str, *names: str) -> Any:
         """The group of a family at a density, or what is below it; the error names what there is instead."""
-        densities = [f"{m:g}" for m in self._densities(file, family)]
-        density = f"{mu_iso:g}" if isinstance(mu_iso, numbers.Real) else repr(mu_iso)
-        if density not in densities:
-            raise ResultsError(f"{self.path}: {family} has no density mu_iso = {density}, only {', '.join(densities)}")
-        group = file[f"families/{family}/{density}"]
+        group = file[f"families/{family}/{self._mu_iso(file, density, family):g}"]
         for name in names:
             if name not in group:
                 raise ResultsError(f"{self.path}: there is no {name!r} in {group.name}, only {', '.join(group)}")
             group = group[name]
         return group
 
-    def _single(self, file: h5py.File, mu_iso: float, family: str, values: np.ndarray, replicates: str) -> Runs:
+    def _single(self, file: h5py.File, mu_iso: float | str, family: str, values: np.ndarray, replicates: str) -> Runs:
         """The points' values as single runs; in files of version 3 the replicates are single runs, too."""
         group = self._group(file, mu_iso, family)
         if replicates not in group or not np.isfinite(values).any():
@@ -426,6 +446,11 @@ def _read(path: Path, file: h5py.File) -> Results:
         diameters=file["grading/diameter"][()],
         grading=_plain(file["grading"].attrs),
     )
+
+
+def _density(density: object) -> str:
+    """How a message names a density: mu_iso = 0.04, or the text that was given."""
+    return f"mu_iso = {density:g}" if isinstance(density, numbers.Real) else one_line(repr(density))
 
 
 def _points(group: h5py.Group, names: Sequence[str], constants: Mapping[str, float]) -> RepresentativePoints:

@@ -85,8 +85,8 @@ def critical_standing(
     if end < least * (1.0 - 1e-9):
         return Standing(
             NOT_REACHED,
-            f"the test ends at {end:.3g} axial strain; critical states are averaged from {JUDGED_FROM:g} to an end of "
-            f"at least {least:g}",
+            f"the test ends at {100 * end:.3g} % axial strain; critical states are averaged from "
+            f"{100 * JUDGED_FROM:g} % to an end of at least {100 * least:g} %",
         )
     part = strain > JUDGED_FROM * (1.0 + 1e-9)
     running = ~extended[part].any(axis=0)
@@ -107,7 +107,8 @@ def critical_standing(
             status = NOT_PROVEN
     return Standing(
         status,
-        f"drift over {DRIFT_STRAIN:g} of strain, pooled over the points, with 95 % half width: {', '.join(words)}",
+        f"drift over {100 * DRIFT_STRAIN:g} % of strain, pooled over the points, with 95 % half width: "
+        f"{', '.join(words)}",
     )
 
 
@@ -145,7 +146,7 @@ def peak_standing(strain: np.ndarray, eta: np.ndarray, probability: np.ndarray) 
     if not np.isfinite(mean).all():
         return Standing(NOT_REACHED, "no run is left")
     row, first, last = peak_critical.peak_row(strain, mean)
-    at = f"{strain[row]:.3g} axial strain"
+    at = f"{100 * strain[row]:.3g} % axial strain"
     if row in (first, last):
         place = "first" if row == first else "last"
         words = f"the mean stress ratio is largest at the {place} strain where a peak may lie, {at}"

@@ -36,13 +36,15 @@ class Distribution:
     """Columns of `denoised` and `as_simulated`: mean, standard deviation, then the quantiles at `levels`.
 
     shares: columns inputs, packing, own noise, as shares of the variance as simulated; NaN where packing and own noise
-    are not separated.
+    are not separated.  runs_share (T,): share of the squared width of the interval of the denoised mean that the error
+    of the model has, which more or larger runs could remove; the rest is that of the inputs.
     """
 
     levels: tuple[float, ...]
     denoised: Estimate
     as_simulated: Estimate
     shares: Estimate
+    runs_share: np.ndarray
 
 
 def moments_and_quantiles(
@@ -67,11 +69,14 @@ def moments_and_quantiles(
     Raises ValueError for refits of another shape, or refits without pairs.
     """
     found = sampled(model, samples, probability, levels, refits, pairs, n, rng)
-    off = found.of_model if found.of_inputs is None else found.of_model + found.of_inputs
-    centre, half = found.centre, _half_width(off)
+    centre, of_model = found.centre, _half_width(found.of_model)
+    half = of_model if found.of_inputs is None else _half_width(found.of_model + found.of_inputs)
     denoised, simulated = (Estimate(*(_shown(part) for part in (c, c - h, c + h)))
                            for c, h in zip(centre, half, strict=True))  # fmt: skip
-    return Distribution(tuple(levels), denoised, simulated, _shares(model, found.drawn, centre + found.of_model))
+    whole = np.where(half[0, :, 0] > 0, half[0, :, 0], np.nan)
+    runs_share = np.minimum((of_model[0, :, 0] / whole) ** 2, 1.0)
+    shares = _shares(model, found.drawn, centre + found.of_model)
+    return Distribution(tuple(levels), denoised, simulated, shares, runs_share)
 
 
 @dataclass(frozen=True)

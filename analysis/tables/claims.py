@@ -126,8 +126,8 @@ def _effect_of_G_p(alone: bool) -> Claim:
     method = "mu_s fixed" if alone else "by regression on ln mu_s and ln G_p"
     return Claim(
         statement="G_p alone hardly changes the stress ratio at large strain",
-        measure="change of critical eta by one sd of ln G_p over the sd of eta with both varying, mean of the "
-        f"densities, {method}",
+        measure="change of critical eta by one standard deviation of ln G_p over the standard deviation of eta with "
+        f"both varying, mean of the densities, {method}",
         number=partial(statistics.effect_of_G_p, alone=alone),
         sense="|x| <=",
         limit=0.2,  # 4 % of the variance

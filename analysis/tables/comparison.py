@@ -17,13 +17,13 @@ import pandas as pd
 
 from ..inputs.measurements import measurements_behind
 from ..quantities import QUANTITIES
-from ..results.models import runs_with_moments
+from ..results.models import POWER, input_refits, joint_samples, runs_with_moments
 from ..results.reader import Results
 from ..surrogates import distribution
 from ..surrogates.distribution import Estimate, Sampled
 from .columns import named, unit, with_interval
-from .moments import AS_SIMULATED, DENOISED, NUMBERS, POWER, input_refits
-from .pooled_states import POOLED, PooledState, joint_samples, pooled_states
+from .moments import AS_SIMULATED, DENOISED, NUMBERS
+from .pooled_states import POOLED, PooledState, pooled_states
 
 #: Sections of the settings that do not change results.
 LEFT_OUT = ("run",)

@@ -7,7 +7,7 @@ import math
 import pandas as pd
 
 from ..inputs.variables import VARIABLES
-from ..quantities import QUANTITIES, parameter
+from ..quantities import QUANTITIES, parameter, with_error
 from ..results.reader import Results
 
 
@@ -29,8 +29,9 @@ def copulas(results: Results) -> pd.DataFrame:
     for rank, fit in enumerate(results.inputs["copulas"], start=1):
         errors = fit.get("se") or [math.nan] * len(fit["parameters"])
         names = fit.get("names") or [f"parameter {k + 1}" for k in range(len(fit["parameters"]))]
-        spread = [f" ± {e:.2g}" if math.isfinite(e) else "" for e in errors]
-        params = "; ".join(f"{n} = {v:.5g}{e}" for n, v, e in zip(names, fit["parameters"], spread, strict=True))
+        values = [with_error(v, e) if math.isfinite(e) else f"{v:.5g}"
+                  for v, e in zip(fit["parameters"], errors, strict=True)]  # fmt: skip
+        params = "; ".join(f"{name} = {value}" for name, value in zip(names, values, strict=True))
         rest = {k: v for k, v in fit.items() if k not in ("family", "parameters", "names", "se", "interval")}
         rows.append({"rank": rank, "family": fit["family"], "parameters": params} | rest)
     return pd.DataFrame(rows)

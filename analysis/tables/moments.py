@@ -6,21 +6,19 @@ from collections.abc import Iterator
 
 import numpy as np
 import pandas as pd
-from scipy.stats import qmc
 
-from ..inputs.measurements import measurements_behind, refitted_joints
 from ..quantities import QUANTITIES
-from ..results.models import runs_with_moments
+from ..results.models import state_moments
+from ..results.quote import QUOTED
 from ..results.reader import Results
-from ..surrogates.distribution import QUANTILE_LEVELS, Distribution, moments_and_quantiles
-from ..surrogates.surrogate import Surrogate
+from ..surrogates.distribution import Distribution
 from .columns import QUANTILES, unit, with_interval
-from .pooled_states import pooled_states
+from .pooled_states import POOLED
 
-#: log2 of the samples of the inputs, and of those through each refit of the inputs.
-POWER, REFITS = 9, 200
 DENOISED, AS_SIMULATED = "denoised", "as simulated"
 NUMBERS = ("mean", "sd", *QUANTILES)
+#: States and quantities of the table: those that are quoted (friction angles have a table of their own) and pooled.
+TABLED = tuple(dict.fromkeys([*(of for of in QUOTED if of[1] != "phi"), *POOLED]))
 
 
 def moments(results: Results) -> pd.DataFrame:
@@ -33,39 +31,17 @@ def moments(results: Results) -> pd.DataFrame:
     measurements.  `packings`: their number; with one or two the intervals lack what all points share through them.
     """
     rows = []
-    for mu_iso, state, symbol, model, samples in pooled_states(results, POWER, runs_with_moments(results)):
-        factor = QUANTITIES[symbol].shown_factor
-        found, runs_share = with_refits(results, model, samples)
-        for kind, numbers in kinds(found):
-            rows.append((mu_iso, state, symbol, unit(symbol), kind, *(factor * numbers), runs_share, model.packings))
+    for mu_iso in results.family_densities():
+        for state, symbol in TABLED:
+            found = state_moments(results, state, symbol, mu_iso)
+            if found is None:
+                continue
+            factor = QUANTITIES[symbol].shown_factor
+            of_state = (mu_iso, state, symbol, unit(symbol))
+            for kind, numbers in kinds(found.distribution):
+                rows.append((*of_state, kind, *(factor * numbers), found.runs_share, found.packings))
     columns = ["mu_iso", "state", "quantity", "unit", "kind", *(c for n in NUMBERS for c in with_interval(n))]
     return pd.DataFrame(rows, columns=[*columns, "runs_share", "packings"])
-
-
-def with_refits(results: Results, model: Surrogate, samples: np.ndarray) -> tuple[Distribution, float]:
-    """Distribution of a model over the inputs with the error of their refits, and the share of the runs in that."""
-    plain = moments_and_quantiles(model, samples, levels=QUANTILE_LEVELS)
-    refits = input_refits(results)
-    if refits is None:
-        return plain, 1.0
-    found = moments_and_quantiles(model, samples, levels=QUANTILE_LEVELS, refits=refits,
-                                  pairs=measurements_behind(results.inputs, results.pairs))  # fmt: skip
-    wide, narrow = (float(d.denoised.high[0, 0] - d.denoised.low[0, 0]) for d in (found, plain))
-    return found, min((narrow / wide) ** 2, 1.0) if wide > 0 else np.nan
-
-
-def input_refits(results: Results) -> np.ndarray | None:
-    """Samples (B, m, d) of the refitted inputs; None if they are not refitted.  Computed once."""
-    return results.cached("refits of the inputs", lambda: _refits(results))
-
-
-def _refits(results: Results) -> np.ndarray | None:
-    """Samples (B, m, d) of the refitted inputs, with common random numbers; None if they are not refitted."""
-    joints = refitted_joints(results.inputs, results.pairs, REFITS)
-    if not joints:
-        return None
-    uniforms = qmc.Sobol(joints[0].dimension, seed=1).random_base2(POWER)
-    return np.stack([joint.inverse_rosenblatt(uniforms) for joint in joints])
 
 
 def kinds(found: Distribution) -> Iterator[tuple[str, np.ndarray]]:

@@ -10,12 +10,12 @@ import pandas as pd
 from ..pdem import weighted
 from ..pdem.pdf import wasserstein
 from ..quantities import QUANTITIES
-from ..results.models import curve_model, runs_needed
+from ..results.models import curve_model, joint_samples, runs_needed
 from ..results.reader import Results
 from ..surrogates.monte_carlo import monte_carlo
 from ..surrogates.surrogate import Surrogate
 from .columns import QUANTILES, named, unit
-from .pooled_states import joint_samples, pooled_states
+from .pooled_states import pooled_states
 
 #: Responses that are compared along strain, and the strain to start from: before it all points are near one state.
 ALONG, ALONG_FROM = ("eta", "e", "e_m", "Z", "Z_m", "Phi_dev"), 0.01

@@ -1,4 +1,4 @@
-"""The states whose models the tables show, and samples of the inputs for them."""
+"""The states and quantities that tables compare with their model, each with samples of the inputs."""
 
 from __future__ import annotations
 
@@ -6,10 +6,8 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import qmc
 
-from ..inputs.joint import Joint
-from ..results.models import runs_needed, state_model
+from ..results.models import has_model, joint_samples, runs_needed, state_model
 from ..results.reader import Results
 from ..surrogates.surrogate import Surrogate
 
@@ -33,22 +31,12 @@ def pooled_states(results: Results, power: int, fewest: int = 0) -> Iterator[Poo
 
     fewest: by default `runs_needed`.
     """
-    fewest = fewest or runs_needed(results)
     if not results.inputs["joint"]:
         return
-    samples = joint_samples(results, power)
+    samples, fewest = joint_samples(results, power), fewest or runs_needed(results)
     for mu_iso in results.family_densities():
         for state, symbol in POOLED:
-            if symbol not in results.state_symbols(state, mu_iso):
-                continue
-            values = results.measured(state, symbol, mu_iso)
-            if np.isfinite(values).sum() >= fewest and np.nanstd(values) > 0:
+            if has_model(results, state, symbol, mu_iso, fewest):
                 model = state_model(results, state, symbol, mu_iso)
                 if model is not None:
                     yield PooledState(mu_iso, state, symbol, model, samples)
-
-
-def joint_samples(results: Results, power: int) -> np.ndarray:
-    """2^power samples (m, d) of the joint inputs, from Sobol' points."""
-    joint = Joint.from_dict(results.inputs["joint"])
-    return joint.inverse_rosenblatt(qmc.Sobol(joint.dimension, seed=1).random_base2(power))

@@ -35,6 +35,9 @@ COPULAS = {
     "frank": ((-5.40,), -43.68), "plackett": ((0.198,), -41.78),
 }  # fmt: skip
 
+#: Kendall's tau of its copula, 2 / pi arcsin(-0.738).
+TAU = -0.528
+
 SIGMA_3, SIGMA_LN = 100e3, 0.174  # Pa; standard deviation of ln d by mass
 GRADING_INDEX = 1.19
 GRADING_INDEX_COV = 0.001
@@ -45,8 +48,8 @@ POINTS = 100
 #: Friction of spheres -> shear stress over mean stress in slow simple shear at large strain.
 SIMPLE_SHEAR = {0.1: 0.268, 0.5: 0.382}
 SOURCE = (
-    "Chialvo, Sun & Sundaresan (2012), Phys. Rev. E 85, 021305, read in the case jetBedPU of the public solver "
-    "twoPhaseEulerPimpleFoamPU that is built on it, the article itself not being at hand"
+    "Chialvo, Sun & Sundaresan (2012), Phys. Rev. E 85, 021305; the numbers are those of the case jetBedPU of the "
+    "public solver twoPhaseEulerPimpleFoamPU, which uses their model, because the article itself was not available"
 )
 #: Critical surfaces, as invariants of the principal stresses (p = 1) that are constant on them.
 SURFACES = {

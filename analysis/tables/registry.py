@@ -28,7 +28,6 @@ from .published import beside_published
 from .report_facts import report_facts
 from .run_quality import (
     archived_runs,
-    critical_drift,
     losses,
     noise,
     packing_collapse,
@@ -53,6 +52,7 @@ FORMULA_BEGINS = ("=", "+", "-", "@", "\t", "\r")
 
 #: Name of the CSV file without its ending -> function of the open results that returns the frame.
 TABLES: dict[str, Table] = {
+    "quote": Results.quote,
     "marginals": marginals,
     "copulas": copulas,
     "points": points,
@@ -71,9 +71,9 @@ TABLES: dict[str, Table] = {
 }
 #: Frames that only the report and the figures show.
 REPORT_TABLES: dict[str, Table] = {
+    "quote": Results.quote,
     "run_counts": run_counts,
     "proofs": proofs,
-    "critical_drift": critical_drift,
     "archived_runs": archived_runs,
     "report_facts": report_facts,
     "standings": standings,

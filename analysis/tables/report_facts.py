@@ -21,10 +21,9 @@ SCATTER_OF_1000 = 3.0
 def report_facts(results: Results) -> pd.DataFrame:
     """One row.
 
-    `refitted`: resamples of the pairs behind the bands.  `end_strain_pct`, `end_height_pct`: logarithmic strain at the
-    end of the test, and the share of the height it stands for.  `spheres_least`, `spheres_most` of the runs;
-    `scatter_pct` of one run's stress ratio at the least size; `rough`: whether the campaign is much smaller than the
-    paper's.  `worst_quantity`, `worst_mu_iso`, `worst_difference_pct`: the largest difference from the paper's Table 3
+    `refitted`: resamples of the pairs behind the bands.  `spheres_least`, `spheres_most` of the runs; `scatter_pct` of
+    one run's stress ratio at the least size; `rough`: whether the campaign is much smaller than the paper's.
+    `worst_quantity`, `worst_mu_iso`, `worst_difference_pct`: the largest difference from the paper's Table 3
     (NaN without).  `measurements`: number of measurements behind the inputs, 0 if it is not known.  `filled`: points
     that were not run at any density.  `runs_needed`: runs of a density from which on errors are claimed from its model.
     """
@@ -33,8 +32,6 @@ def report_facts(results: Results) -> pd.DataFrame:
     least, most = (int(sizes.min()), int(sizes.max())) if len(sizes) else (0, 0)
     row: dict[str, Any] = {
         "refitted": 0 if refitted is None else len(refitted),
-        "end_strain_pct": 100 * float(results.strain[-1]),
-        "end_height_pct": 100 * (1 - float(np.exp(-results.strain[-1]))),
         "spheres_least": least,
         "spheres_most": most,
         "scatter_pct": SCATTER_OF_1000 * np.sqrt(1000 / least) if least else np.nan,

@@ -1,4 +1,4 @@
-"""Quality of the runs: their outcome, proofs and drift, packing noise, widths of the PDFs, lost probability."""
+"""Quality of the runs: their outcome and proofs, packing noise, widths of the PDFs, lost probability."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ PROOFS = {
     "max_inertial_number": ("largest inertial number", 2.5e-3),
     "servo_mean_error": ("mean error of the confining stress", 0.01),
     "servo_max_error": ("largest error of the confining stress", 0.05),
-    "energy_error": ("energy balance error, as far as energies were summed", 0.10),
-    "F_unb": ("unbalanced force", float("nan")),
+    "energy_error": ("error of the energy balance", 0.10),
+    "F_unb": ("unbalanced force over the mean contact force", float("nan")),
 }
 #: Quantities whose packing noise and PDF width are tabled.
 SHOWN = ("eta", "e", "Z", "Phi_dev")
@@ -83,25 +83,6 @@ def proofs(results: Results) -> pd.DataFrame:
         if len(values):
             rows.append((words, values.median(), values.max(), limit, shear.loc[values.idxmax(), "run_id"]))
     return pd.DataFrame(rows, columns=["proof", "median", "largest", "limit", "run_of_the_largest"])
-
-
-def critical_drift(results: Results) -> pd.DataFrame:
-    """Mean drift of eta and e over the critical part, per density, in %, with its standard error.
-
-    `between_packings`: with several packings the error is that between their means; otherwise that of all runs, as if
-    runs of one packing were independent.
-    """
-    names = ["critical_drift_eta", "critical_drift_e"]
-    shear, rows = _done(results, "shear"), []
-    for mu_iso, table in shear[shear["family"] == "coupled"].groupby("mu_iso"):
-        drift = table[["packing", *names]].dropna()
-        between_packings = drift["packing"].nunique() > 1
-        drift = drift.groupby("packing").mean() if between_packings else drift[names]
-        if len(drift) > 1:
-            mean, error = 100 * drift.mean(), 100 * drift.std() / np.sqrt(len(drift))
-            rows.append((mu_iso, between_packings, mean.iloc[0], error.iloc[0], mean.iloc[1], error.iloc[1]))
-    columns = ["mu_iso", "between_packings", "drift_eta_pct", "error_eta_pct", "drift_e_pct", "error_e_pct"]
-    return pd.DataFrame(rows, columns=columns)
 
 
 def standings(results: Results) -> pd.DataFrame:

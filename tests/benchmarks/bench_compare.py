@@ -22,9 +22,10 @@ from scipy.stats import qmc  # noqa: E402
 from analysis.inputs.joint import fit_joint  # noqa: E402
 from analysis.inputs.pairs import read_pairs  # noqa: E402
 from analysis.points.selection import select_points  # noqa: E402
+from analysis.results.models import POWER  # noqa: E402
 from analysis.surrogates import distribution, surrogate  # noqa: E402
 from analysis.surrogates.rotation import deal  # noqa: E402
-from analysis.tables.moments import AS_SIMULATED, DENOISED, NUMBERS, POWER  # noqa: E402
+from analysis.tables.moments import AS_SIMULATED, DENOISED, NUMBERS  # noqa: E402
 
 TABLE = ROOT / "data" / "benchmarks" / "compare.csv"
 #: Points and packings: the default campaign and one of the laptop's size; and how often each is repeated.

@@ -12,7 +12,7 @@ import synthetic_results
 import synthetic_runs
 from paths import ROOT
 
-from analysis.report import sections, wording
+from analysis.report import numbers, wording
 from analysis.results.build import CampaignInfo, _write_head
 from campaign.__main__ import main
 from campaign.config import parse_config, read_config
@@ -112,7 +112,7 @@ def test_warnings_reach_the_results_and_the_report(tmp_path):
             _write_head(file, synthetic_results.representative_points(2), info, none)
             inputs = {name: json.loads(text) for name, text in file["inputs"].attrs.items() if name != "source"}
         assert wording.input_warnings(SimpleNamespace(inputs=inputs)) == paragraphs
-    assert "input_warnings" in inspect.getsource(sections._inputs)
+    assert "input_warnings" in inspect.getsource(numbers.inputs)
 
 
 def test_plan_warns_of_moments_that_the_points_do_not_carry(tmp_path, capsys, monkeypatch):

@@ -5,15 +5,16 @@ import pytest
 import synthetic_results
 
 from analysis.report.comparison import write_comparison
+from analysis.results import models
 from analysis.tables import comparison as module
-from analysis.tables import moments, pooled_states
+from analysis.tables import pooled_states
 
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch):
     monkeypatch.setattr(module, "POWER", 6)
-    monkeypatch.setattr(moments, "REFITS", 10)
-    monkeypatch.setattr(moments, "POWER", 6)
+    monkeypatch.setattr(models, "REFITS", 10)
+    monkeypatch.setattr(models, "POWER", 6)
     for place in (module, pooled_states):
         monkeypatch.setattr(place, "POOLED", (("critical", "eta"),))
 

@@ -13,9 +13,10 @@ import pytest
 import synthetic_results as synthetic
 from paths import ROOT
 
+import analysis
 from analysis.figures import FIGURES
 from analysis.pdem import weighted
-from analysis.report import conditions, page, reliability, sections, wording
+from analysis.report import captions, conditions, page, reference, reliability, sections, wording
 from analysis.results.build import build_results
 from analysis.results.reader import ResultsError, read_results
 from analysis.tables import evaluate, other_runs, run_quality
@@ -42,6 +43,9 @@ class Page(HTMLParser):
     def handle_endtag(self, tag):
         assert self.open.pop() == tag
 
+    def handle_startendtag(self, tag, attrs):
+        """A tag that closes itself holds nothing."""
+
     def handle_data(self, data):
         self.text.append(data)
 
@@ -57,7 +61,7 @@ def html_page(results, tmp_path_factory):
     picture = tmp_path_factory.mktemp("report") / "picture.png"
     picture.write_bytes(b"\x89PNG\r\n")
     content = sections.Content(results, synthetic.frames(0.02), dict.fromkeys(FIGURES, picture))
-    source = page.page("Campaign x", sections.sections(content, "x"))
+    source = sections.whole_page(content, "x")
     return source, Page(source)
 
 
@@ -71,9 +75,10 @@ def test_the_page_is_whole_and_needs_no_network(html_page):
 def test_every_figure_is_embedded_with_its_words(html_page):
     _, parsed = html_page
     assert len(parsed.images) == len(FIGURES)
-    for image, name in zip(parsed.images, FIGURES, strict=True):
+    for number, image in enumerate(parsed.images, start=1):
         assert image["src"].startswith("data:image/png;base64,")
-        assert image["alt"].startswith(f"Figure {int(name[3:5])}.")
+        assert image["alt"].startswith(f"Figure {number}. ") and len(image["alt"]) > 30
+    assert set(captions.CAPTIONS) == {name[:5] for name in FIGURES}
 
 
 def test_every_table_can_scroll_within_itself(html_page):
@@ -82,17 +87,19 @@ def test_every_table_can_scroll_within_itself(html_page):
 
 
 def test_the_numbers_are_those_of_the_results(html_page, results):
-    text = " ".join(html_page[1].text)
+    """Five points are too few for a model: the numbers are those of the points, without uncertainties."""
+    source, text = html_page[0], " ".join(html_page[1].text)
     for state in ("peak", "critical"):
         values, weight = results.state(state, "eta", 0.001), results.probability(0.001)
-        assert f"{weighted.mean(values, weight):.3f} ± {weighted.std(values, weight):.3f}" in text
-    assert "0.538" in text and "(0.001" in text
+        for name, value in (("mean", weighted.mean(values, weight)), ("sd", weighted.std(values, weight))):
+            assert f'<td data-quote="0.001/{state}/eta/{name}">{page.number(value)}</td>' in source
+    assert "fewer than 8 runs" in text and "0.540" in text
     for symbol, fits in results.inputs["marginals"].items():
         for name in ("aic", "bic", "ks", "ad"):
             assert page.number(fits[0][name]) in text, (symbol, name)
-    assert "These numbers are rough" in text and "27 spheres and 5 points" in text
-    for word in ("supported", "Wasserstein", "inertial number", "bandwidth", "synthetic pairs"):
-        assert word in text or word == "bandwidth"
+    for word in ("These numbers are rough", "27 spheres", "5 pairs", "Wasserstein", "inertial number",
+                 "synthetic pairs", "interlock", f"Cite: grain-scatter {analysis.__version__}", "MIT"):  # fmt: skip
+        assert word in text, word
 
 
 def test_failures_and_early_stops_are_said_with_their_numbers(tmp_path):
@@ -129,19 +136,52 @@ def test_noise_and_widths_are_told(results):
     assert 0 < widths.loc[(0.04, "eta"), "kernel_width"] < widths.loc[(0.04, "eta"), "sd_of_points"]
 
 
-def test_the_report_says_which_test_it_is_and_where_it_is_not_the_papers(results):
+def with_settings(results, **changed):
+    """The results as of a campaign with the default settings, changed by section__key."""
     asked = {name: asdict(kind()) for name, kind in SECTIONS.items()}
-    facts = synthetic.frames(0.02)["report_facts"].iloc[0]
-    usual = conditions.test_words(replace(results, attrs=results.attrs | {"settings": asked}), facts)
-    assert len(usual) == 1 and "d50 = 0.248 mm" in usual[0] and "100 kPa" in usual[0] and "logarithmic" in usual[0]
-    asked["consolidation"]["sigma_3_kPa"] = 500.0
-    asked["dem"]["stiffness_scale"] = 0.01
-    other = conditions.test_words(replace(results, attrs=results.attrs | {"settings": asked}), facts)
-    assert "500 kPa instead of 100, 0.01 of the grains' stiffness" in other[1]
-    asked["assembly"] |= {"sieve": "mine.csv", "d50_mm": 0.2009}
-    graded = conditions.test_words(replace(results, attrs=results.attrs | {"settings": asked}), facts)
-    assert "spheres, of the sieve curve mine.csv with d50 = 0.201 mm, Poisson" in graded[0]
-    assert "another grading" in graded[1]
+    for name, value in changed.items():
+        section, key = name.split("__")
+        asked[section][key] = value
+    return replace(results, attrs=results.attrs | {"settings": asked})
+
+
+def test_the_report_says_which_test_it_is_and_where_it_is_not_the_papers(results):
+    frames = synthetic.frames(0.02)
+    usual = with_settings(results)
+    text = " ".join(conditions.tested(usual, frames))
+    for words in ("5 pairs of interparticle friction", "27 spheres (median diameter 0.248 mm)", "stress of 100 kPa",
+                  "logarithmic", "3 densities, dense, medium and loose", "0.001, 0.04 and 0.1"):  # fmt: skip
+        assert words in text, words
+    assert conditions.paper_differences(usual) == []
+    other = with_settings(results, consolidation__sigma_3_kPa=500.0, dem__stiffness_scale=0.01)
+    assert conditions.paper_differences(other) == ["500 kPa instead of 100 kPa", "0.01 of the grains' stiffness"]
+    graded = with_settings(results, assembly__sieve="mine.csv", assembly__d50_mm=0.2009)
+    assert "27 spheres (sieve curve mine.csv, median diameter 0.201 mm)" in " ".join(conditions.tested(graded, frames))
+    assert conditions.paper_differences(graded) == ["another grading"]
+
+
+def test_other_densities_and_other_inputs_are_another_test(results, monkeypatch):
+    marginals = results.inputs["marginals"]
+    first = {"family": "lognormal", "params": {"median": 0.30, "sigma_ln": 0.469}}
+    for changed in ({"mu_s": [first]}, {"mu_s": [marginals["G_p"][0]]}, {"nu": marginals["mu_s"]}, {"G_p": []}):
+        inputs = results.inputs | {"marginals": marginals | changed}
+        found = conditions.paper_differences(replace(results, inputs=inputs))
+        assert found == ["another distribution of the grain properties"]
+    independent = results.inputs | {"copulas": [results.inputs["copulas"][0] | {"tau": -0.1}]}
+    assert len(conditions.paper_differences(replace(results, inputs=independent))) == 1
+    monkeypatch.setattr(type(results), "family_densities", lambda self, family="coupled": (0.04, 0.2))
+    assert conditions.paper_differences(results) == ["other densities (mu_iso = 0.2)"]
+
+
+def test_claims_are_shown_for_the_papers_test_only_and_only_those_that_apply(results):
+    frame = synthetic.frames(0.02)["claims"]
+    told = frame["value"].notna()
+    assert 0 < told.sum() < len(frame)
+    source = page.numbered(reference.claims(frame, []))
+    assert source.count("<tr") == 1 + told.sum() and f"{int(told.sum())} statements" in source
+    other = reference.claims(frame, ["500 kPa instead of 100 kPa", "another grading"])
+    assert "<table" not in other and other.count("<p") == 1
+    assert "This campaign has 500 kPa instead of 100 kPa and another grading" in other
 
 
 def test_the_report_says_what_the_runs_used_and_which_setting_was_asked_for(results):
@@ -149,7 +189,7 @@ def test_the_report_says_what_the_runs_used_and_which_setting_was_asked_for(resu
     text = conditions.accuracy(results, frames)
     assert "no named setting" in text and "27 spheres" in text and "inertial number 0.001" in text and "0.8" in text
     named = replace(results, attrs=results.attrs | {"config": '[dem]\naccuracy = "5%"\n'})
-    assert "the 5% setting" in conditions.accuracy(named, frames)
+    assert "the setting 5%" in conditions.accuracy(named, frames)
 
 
 def beside(results):
@@ -170,9 +210,9 @@ def test_tables_beside_the_results_are_shown(results, tmp_path):
             "failed": [1, 0, 0], "failed of the other": [4, 4, 2]}  # fmt: skip
     pd.DataFrame(rest).to_csv(tmp_path / "beyond.csv", index=False)
     shown = reliability.other_runs(beside(alone))
-    for text in ("+1.2 ± 0.2, yes", ">2.5<", ">1.8<", "-3.2", "+0.5", ">1.2<", "eta, peak"):
+    for text in ("+1.2 ± 0.2, within", ">2.5<", ">1.8<", "-3.2", "+0.5", ">1.2<", "stress ratio η, peak"):
         assert text in shown
-    assert "(3 chains failed)" in shown and "(7 chains failed)" in shown
+    assert "(3 chains of runs failed)" in shown and "(7 chains of runs failed)" in shown
     assert Page(shown).open == [] and shown.count("<table") == 3
 
 
@@ -201,11 +241,6 @@ def test_numbers_read_well(value, text):
     assert page.number(value) == text
 
 
-def test_text_is_escaped():
-    source = page.table(pd.DataFrame({"a<b": ["<script>"], "n": [1.5]}), caption="x & y")
-    assert "<script>" not in source and "&lt;script&gt;" in source and "x &amp; y" in source
-
-
 def test_write_report_leaves_one_file_and_the_figures(results, tmp_path, monkeypatch):
     def draw(results, frames, folder, names=None):
         folder.mkdir()
@@ -215,13 +250,13 @@ def test_write_report_leaves_one_file_and_the_figures(results, tmp_path, monkeyp
         return paths
 
     monkeypatch.setattr(sections, "write_figures", draw)
-    monkeypatch.setattr(sections, "sections", lambda content, name: [("", f"{name} {len(content.figures)}")])
+    monkeypatch.setattr(sections, "whole_page", lambda content, name: f"Campaign {name} {len(content.figures)}")
     with pytest.raises(ResultsError, match="the report needs all tables; missing: archived_runs"):
         sections.write_report(results, {}, tmp_path)
     path = sections.write_report(results, dict.fromkeys(sections.NEEDED), tmp_path)
     assert path == tmp_path / "report.html" and {p.name for p in tmp_path.iterdir()} == {"figures", "report.html"}
     source = path.read_text(encoding="utf-8")
-    assert "<title>Campaign synthetic</title>" in source and f"synthetic {len(FIGURES)}" in source
+    assert source == f"Campaign synthetic {len(FIGURES)}"
 
 
 def test_the_page_allows_nothing_from_outside(html_page):

@@ -248,11 +248,11 @@ def test_results_of_another_kind_end_in_one_line(good, tmp_path, change, words):
     assert "\n" not in str(told.value) and "results.h5" in str(told.value)
 
 
-@pytest.mark.parametrize("density", ["dense", "0.04", None, [0.04]])
+@pytest.mark.parametrize("density", ["denser", "0.04", None, [0.04]])
 def test_a_density_that_is_no_number_is_a_line_with_those_there_are(density):
     results = read_results(synthetic.example())
     for ask in (results.state, results.state_error):
-        with pytest.raises(ResultsError, match="has no density mu_iso = .*, only 0.001, 0.04, 0.1"):
+        with pytest.raises(ResultsError, match="has no density .*, only 0.001 .dense., 0.04 .medium., 0.1 .loose."):
             ask("critical", "eta", density)
 
 

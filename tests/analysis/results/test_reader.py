@@ -147,5 +147,5 @@ def test_the_example_for_colleagues_runs_on_the_results_alone(tmp_path):
     )
     points = synthetic.representative_points(5)
     mean = synthetic.critical_eta(points.mu_s) @ points.probability
-    assert f"mu_iso = 0.1: eta at the end {mean:.2f}" in done.stdout
+    assert f"loose (mu_iso = 0.1): critical eta {mean:.2f}" in done.stdout
     assert (tmp_path / "x.png").stat().st_size > 5000

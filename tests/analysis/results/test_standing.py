@@ -99,7 +99,7 @@ def short(tmp_path_factory):
 
 def test_the_reader_withholds_what_was_not_reached_with_the_reason(short):
     assert short.standing("critical", 0.1).status == NOT_REACHED and short.standing("peak", 0.001).status == PROVEN
-    with pytest.raises(NotReachedError, match=r"eta at the critical state .* not reached, the test ends at 0.2 axial"):
+    with pytest.raises(NotReachedError, match=r"eta at the critical state .* not reached, the test ends at 20 % axial"):
         short.state("critical", "eta", 0.1)
     assert np.isfinite(short.state("critical", "eta", 0.1, withheld="show")).all()
     assert np.isnan(short.state("critical", "eta", 0.1, withheld="nan")).all()

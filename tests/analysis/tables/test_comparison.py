@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 import synthetic_results
 
+from analysis.results import models
 from analysis.results.reader import read_results
 from analysis.surrogates import distribution, surrogate
 from analysis.tables import comparison as module
-from analysis.tables import moments, pooled_states
+from analysis.tables import pooled_states
 from analysis.tables.comparison import comparison, comparison_tables, settings, shared_packings
 
 
@@ -66,8 +67,8 @@ def test_a_shift_of_one_campaign_is_found_with_its_sign(model):
 @pytest.fixture
 def quick(monkeypatch):
     monkeypatch.setattr(module, "POWER", 6)
-    monkeypatch.setattr(moments, "POWER", 6)
-    monkeypatch.setattr(moments, "REFITS", 10)
+    monkeypatch.setattr(models, "POWER", 6)
+    monkeypatch.setattr(models, "REFITS", 10)
     for place in (module, pooled_states):
         monkeypatch.setattr(place, "POOLED", (("critical", "eta"), ("probe", "G_0")))
 

@@ -79,8 +79,10 @@ def test_the_modulus_is_that_of_the_points_of_that_friction(campaign):
 
 
 def test_the_report_has_the_table_and_the_figure_its_curves(campaign):
-    html = friction_html(evaluate(campaign, FRICTION))
-    assert "mu_iso = 0.04" in html and html.count("<tr") == 1 + critical_eta(campaign)["mu_s"].nunique()
+    html = friction_html(evaluate(campaign, FRICTION), campaign.density_names())
+    assert (
+        "<th>Stress ratio η, medium</th>" in html and html.count("<tr") == 1 + critical_eta(campaign)["mu_s"].nunique()
+    )
     figure = along(campaign, friction.friction_curves(campaign))
     for axis in figure.axes:
         assert len(axis.lines) == 6 and len(axis.collections) == 3
@@ -90,7 +92,9 @@ def test_the_report_has_the_table_and_the_figure_its_curves(campaign):
 
 def test_few_points_one_packing_and_one_density_make_no_false_statement(tmp_path):
     few = read_results(synthetic.example())
-    assert not len(friction.friction_table(few)) and "No table" in friction_html(evaluate(few, FRICTION))
+    assert not len(friction.friction_table(few)) and "no table" in friction_html(
+        evaluate(few, FRICTION), few.density_names()
+    )
     assert all(len(axis.lines) == 3 for axis in along(few, friction.friction_curves(few)).axes)
     frame = critical_eta(built(tmp_path / "packing", n=12, noise=0.02))
     assert (

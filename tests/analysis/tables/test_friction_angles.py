@@ -8,8 +8,9 @@ import synthetic_results as synthetic
 
 from analysis.inputs.joint import Joint
 from analysis.results.build import build_results
+from analysis.results.friction_angle import friction_angle
 from analysis.results.reader import read_results
-from analysis.tables.friction_angles import friction_angle, friction_angle_table
+from analysis.tables.friction_angles import friction_angle_table
 
 
 def test_friction_angle_of_a_mohr_circle():

@@ -40,4 +40,4 @@ def test_a_campaign_stands_beside_what_it_shares_with_the_publication():
     found = beside_published(pd.DataFrame(rows, columns=["state", "quantity", "mu_s", "value"]))
     assert found["mu_s"].tolist() == [0.1]
     assert found["Lade-Duncan_difference_pct"].to_numpy() == pytest.approx([6.0]) and found["here"][0] > eta[0.1]
-    assert "(+6.0 %)" in published_words(found) and "at μ_s = 0.1." in published_words(found)
+    assert "(+6.0 %)" in published_words(found) and "at mu_s = 0.1." in published_words(found)

@@ -32,6 +32,7 @@ def test_every_promised_table_is_there_with_rows(written):
     few = {"variance_sources", "monte_carlo", "monte_carlo_along_strain", "moments", "stopping_replay"}
     few |= {"friction"}
     promised = {
+        "quote",
         "marginals",
         "copulas",
         "initial_state",

@@ -1,0 +1,136 @@
+"""The first screen: what was tested, the numbers to quote, how far they hold, and how to cite them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import pandas as pd
+
+from .. import __version__
+from ..quantities import rounded
+from ..results.models import runs_with_moments
+from ..results.quote import OF_POINTS, WITHHELD
+from ..results.reader import Results
+from ..results.standing import NOT_PROVEN, NOT_REACHED
+from ..tables import published
+from . import conditions, input_words, page, picture
+from .headings import HEADINGS, quantity_words
+from .symbols import marked
+
+Frames = Mapping[str, pd.DataFrame]
+STATES = {"peak": "Peak", "critical": "Critical state", "probe": "Small strain"}
+#: Order of the rows of a table: states as they are reached.
+ORDER = ("probe", "peak", "critical")
+#: Columns of the tables.
+NAMES = ("mean", "sd", "q05", "q95")
+
+DESIGN = (
+    "These numbers hold for freely rotating spheres. Spheres are weaker than sand, whose grains interlock: quartz sand "
+    "has a critical friction angle of about 33° (Bolton 1986). Use the numbers to judge how strongly the scatter of "
+    "grain properties changes the soil, not as design values of a sand. The 5 % quantile is the characteristic value "
+    "of a large volume of such soil; the scatter within one deposit is not in it."
+)
+MEANING = (
+    "Mean, standard deviation and quantiles of what the {kind} do to the soil, without the noise of packings and of "
+    "single runs. ± is the half width of the 95 % interval, {interval}. A number and its uncertainty are rounded "
+    "together. tables/quote.csv has the same numbers, and the uncertainties of the quantiles."
+)
+
+
+def first_screen(results: Results, frames: Frames, name: str) -> str:
+    """HTML above the contents: the test, the numbers to quote and their limits, the citation, the size."""
+    settings = results.attrs["settings"]
+    stress = f" = {settings['consolidation']['sigma_3_kPa']:g} kPa" if settings else ""
+    stress = " (random)" if "sigma_3" in results.points.names else stress
+    drawn = picture.test_picture(results.diameters, stress, f"{100 * conditions.end_strain(results):.3g} %")
+    meaning = MEANING.format(kind=input_words.kind(results),
+                             interval=input_words.interval_words(results, frames["report_facts"].iloc[0]))  # fmt: skip
+    words = page.paragraphs([*conditions.tested(results, frames), *conditions.size_warning(frames)])
+    return (
+        f'<h1>Campaign {marked(name)}</h1><div class="tested"><div>{words}{page.paragraph(cite_words(), "cite")}</div>'
+        f"{drawn}</div><h2>Numbers to quote</h2>{quote_tables(frames['quote'])}"
+        f"{page.paragraphs([meaning, *standing_words(frames['quote']), *basis_words(results, frames), DESIGN])}"
+        f"{page.cards(_size(results, frames))}"
+    )
+
+
+def quote_tables(quote: pd.DataFrame) -> str:
+    """HTML of one table per density; every cell of a number names it in the attribute data-quote."""
+    parts = (_density(rows, f"quote{k}") for k, (_, rows) in enumerate(quote.groupby("mu_iso"), start=1))
+    return f'<div class="quotes">{"".join(parts)}</div>'
+
+
+def _density(rows: pd.DataFrame, key: str) -> str:
+    first = rows.iloc[0]
+    words = f"{first['density'][0].upper()}{first['density'][1:]} (mu_iso = {first['mu_iso']:g})"
+    if first["void_ratio"] == first["void_ratio"]:
+        words += f", e = {first['void_ratio']:.3f} after consolidation"
+    head = "".join(f"<th>{HEADINGS[name]}</th>" for name in NAMES)
+    body = []
+    for state in (state for state in ORDER if (rows["state"] == state).any()):
+        part = rows[rows["state"] == state]
+        standing = marked(part.iloc[0]["standing"])
+        body.append(f'<tr class="state"><th colspan="5">{STATES[state]} <span>{standing}</span></th></tr>')
+        for row in part.to_dict("records"):
+            where = f"{row['mu_iso']:g}/{row['state']}/{row['quantity']}"
+            cells = "".join(f'<td data-quote="{where}/{name}">{quoted(row, name)}</td>' for name in NAMES)
+            words_of_row = quantity_words(row["quantity"]).removeprefix("small-strain ").replace(" at the peak", "")
+            body.append(f'<tr><td class="text">{marked(words_of_row)}</td>{cells}</tr>')
+    inner = f"{page.table_caption(key, words)}<thead><tr><th></th>{head}</tr></thead><tbody>{''.join(body)}</tbody>"
+    return f'<div class="scroll"><table class="quote">{inner}</table></div>'
+
+
+def quoted(row: Mapping[str, object], name: str) -> str:
+    """HTML of a number of a row of the quote: mean and sd with their uncertainties, quantiles without."""
+    if row["basis"] == WITHHELD:
+        return "withheld"
+    value, half = rounded(float(row[name]), float(row[f"{name}_pm"]))  # type: ignore[arg-type]
+    return f"{value} <span>± {half}</span>" if half and name in ("mean", "sd") else value
+
+
+def standing_words(quote: pd.DataFrame) -> list[str]:
+    """Which states were not reached, or are not proven, and what that means."""
+    states = quote.drop_duplicates(["mu_iso", "state"])
+    meaning = {
+        NOT_REACHED: "The tests did not reach it, and its numbers are withheld.",
+        NOT_PROVEN: "The mean curves may still drift by more than the limits, so these numbers may still change.",
+    }
+    words = []
+    for state in ("peak", "critical"):
+        for standing, consequence in meaning.items():
+            named = states.loc[(states["state"] == state) & (states["standing"] == standing), "density"]
+            if len(named):
+                of = "" if named.iloc[0] == "one density" else f" ({page.listed(list(named))})"
+                words.append(f"{STATES[state]}{of}: {standing}. {consequence} @table:standings@ has the reasons.")
+    return words
+
+
+def basis_words(results: Results, frames: Frames) -> list[str]:
+    """What is not in the uncertainties: too few runs, or too few packings."""
+    quote, design = frames["quote"], frames["packing_design"].iloc[0]
+    words = []
+    if (quote["basis"] == OF_POINTS).any():
+        words.append(f"Where no uncertainty is given, the density has fewer than {runs_with_moments(results)} runs. "
+                     "The numbers are then those of the points and contain the noise of the runs.")  # fmt: skip
+    elif not design["known"]:
+        have = page.plural(int(design["packings"]), "packing", "packings")
+        words.append(f"With {have} the noise of packings is not known, and the uncertainties do not contain it.")
+    return words
+
+
+def cite_words() -> str:
+    """How to cite, in one sentence."""
+    return f"Cite: grain-scatter {__version__}, and for the method {published.REFERENCE}"
+
+
+def _size(results: Results, frames: Frames) -> list[tuple[str, str]]:
+    counts = frames["run_counts"].iloc[-1]
+    done, planned = int(counts["done"]), int(counts["planned"])
+    densities = len(results.densities)
+    return [
+        (f"{len(results.points)}", f"points ({input_words.points_words(results)})"),
+        (f"{densities}", "density" if densities == 1 else "densities"),
+        (f"{done:,}", "runs, all done" if done == planned else f"of {planned:,} runs done"),
+        (conditions.particles(frames), "spheres per run"),
+        (f"{counts['core_hours']:.3g}", "core-hours"),
+    ]
