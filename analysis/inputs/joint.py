@@ -16,12 +16,14 @@ from ..copulas.elliptical import normal_score
 from ..copulas.multivariate import GaussianCopula, StudentCopula, fit_gaussian, student_of_known_degrees
 from ..copulas.multivariate_fits import MultivariateFit, select_multivariate
 from . import marginals, refits
-from .pairs import check_pairs
+from .pairs import InputError, check_pairs
 
 #: Resampled values that are refitted at a time, where samples have more than _LARGEST_AT_ONCE pairs.
 _AT_ONCE, _LARGEST_AT_ONCE = 4_000_000, 5000
 #: Limit of the quadrature in standard deviations of the normals; the probability beyond it is 6e-14.
 _REACH = 7.5
+#: Largest correlation of two of more than two variables; beyond it the points cannot tell them apart.
+_LARGEST_CORRELATION = 0.999
 
 
 @dataclass(frozen=True)
@@ -231,12 +233,25 @@ def fit_joint(
         d = pairs.shape[1]
         named = names if len(names) == d else [f"x{i + 1}" for i in range(d)]
         found = select_multivariate(pairs, named, copula_families)
+        _refuse_repeated(found[0].copula.correlation, names if len(names) == d else [])
         joint = Joint(tuple(table[0] for table in tables), found[0].copula)
         note = f"{found[0].family}: smallest pseudo-AIC; the fit of a copula of {d} variables is not tested"
         return JointFit(joint, tables, tuple(found), note)
     fits = copulas.select(pairs[:, 0], pairs[:, 1], copula_families, n_boot, np.random.default_rng(seed))
     best, note = copulas.choose(fits)
     return JointFit(Joint(tuple(table[0] for table in tables), best.copula), tables, tuple(fits), note)
+
+
+def _refuse_repeated(correlation: Sequence[Sequence[float]], names: Sequence[str]) -> None:
+    """Raise InputError if one of more than two variables is a function of another, as far as ranks can tell."""
+    matrix = np.abs(np.array(correlation)) - np.eye(len(correlation))
+    i, j = np.unravel_index(np.argmax(matrix), matrix.shape)
+    if matrix[i, j] > _LARGEST_CORRELATION:
+        one, other = (names[k] if names else f"column {k + 1}" for k in sorted((i, j)))
+        raise InputError(
+            f"{one} and {other} have a correlation of {correlation[i][j]:.5f}, limit ±{_LARGEST_CORRELATION}: one is a "
+            "function of the other; leave one of the two out"
+        )
 
 
 def bootstrap_joints(

@@ -198,7 +198,9 @@ def _doubled(joint: Joint, old: np.ndarray, seed: int, trials: int = 64) -> tupl
 
 
 def _cells(z: np.ndarray, samples: int = 2**18) -> np.ndarray:
-    return cell_probabilities(z) if z.shape[1] <= 2 else sampled_cell_probabilities(z, samples)
+    if z.shape[1] <= 2:
+        return cell_probabilities(z)
+    return np.maximum(sampled_cell_probabilities(z, samples), 0.5 / samples)  # without a sample: small, not empty
 
 
 def bootstrap_probabilities(

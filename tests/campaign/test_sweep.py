@@ -163,8 +163,8 @@ def sweep(tmp_path, monkeypatch):
         return code
 
     codes: dict = {}
-    monkeypatch.setattr("campaign.__main__.everything", everything)
-    monkeypatch.setattr("campaign.__main__._plan", lambda config, place: (synthetic_runs.planned(config, place, 2),))
+    monkeypatch.setattr("campaign.commands.everything", everything)
+    monkeypatch.setattr("campaign.commands._plan", lambda config, place: (synthetic_runs.planned(config, place, 2),))
 
     def run(**by_value):
         codes.clear()
