@@ -73,7 +73,7 @@ def test_the_interval_covers_what_packings_and_runs_do(campaign, between, own, m
 
 def test_the_modulus_is_that_of_the_points_of_that_friction(campaign):
     points = campaign.family_points()
-    rest = np.log(friction.modulus_along(campaign, points.mu_s) / points.G_p)
+    rest = np.log(friction.variable_along(campaign, "G_p", points.mu_s) / points.G_p)
     assert rest @ points.probability == pytest.approx(0, abs=1e-9)
     assert (rest * np.log(points.mu_s)) @ points.probability == pytest.approx(0, abs=1e-9)
 
@@ -93,7 +93,7 @@ def test_the_report_has_the_table_and_the_figure_its_curves(campaign):
 def test_few_points_one_packing_and_one_density_make_no_false_statement(tmp_path):
     few = read_results(synthetic.example())
     assert not len(friction.friction_table(few)) and "no table" in friction_html(
-        evaluate(few, FRICTION), few.density_names()
+        evaluate(few, (*FRICTION, "report_facts")), few.density_names()
     )
     assert all(len(axis.lines) == 3 for axis in along(few, friction.friction_curves(few)).axes)
     frame = critical_eta(built(tmp_path / "packing", n=12, noise=0.02))
