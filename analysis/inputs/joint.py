@@ -245,7 +245,7 @@ def fit_joint(
 def _refuse_repeated(correlation: Sequence[Sequence[float]], names: Sequence[str]) -> None:
     """Raise InputError if one of more than two variables is a function of another, as far as ranks can tell."""
     matrix = np.abs(np.array(correlation)) - np.eye(len(correlation))
-    i, j = np.unravel_index(np.argmax(matrix), matrix.shape)
+    i, j = (int(k) for k in np.unravel_index(np.argmax(matrix), matrix.shape))
     if matrix[i, j] > _LARGEST_CORRELATION:
         one, other = (names[k] if names else f"column {k + 1}" for k in sorted((i, j)))
         raise InputError(

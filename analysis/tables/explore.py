@@ -11,10 +11,10 @@ import numpy as np
 from ..pdem.evolution import evolve
 from ..pdem.pdf import PDF
 from ..quantities import QUANTITIES, RESPONSES
+from ..results.models import curve_model
 from ..results.reader import Results
 from .columns import unit
 from .moments import AS_SIMULATED, DENOISED
-from .pooled_states import curve_model
 
 #: Largest number of cells of a PDF on the page; the cells of the results are averaged in equal groups.
 CELLS = 200
