@@ -19,7 +19,8 @@ from typing import Any
 from analysis import __version__
 from analysis.errors_and_files import GrainScatterError
 from campaign import commands
-from campaign.config import COMMAND, INSTALLED, MOST_JOBS, ROOT, RUNS, Config, ConfigError, read_config
+from campaign.config import COMMAND, INSTALLED, ROOT, RUNS, Config, ConfigError, read_config
+from campaign.config_keys import MOST_JOBS
 from campaign.pythons import missing_package
 from campaign.scope import SCOPE
 

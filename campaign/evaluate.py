@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from campaign import batches
-from campaign.config import ROOT, SECTIONS, Config, ConfigError
+from campaign.config import ROOT, Config, ConfigError
+from campaign.config_keys import SECTIONS
 from campaign.files import code_digest, read_json, write_json
 from campaign.plan import PlannedRun
 from campaign.prepare import PlanError, read_inputs, read_points

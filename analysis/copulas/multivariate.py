@@ -18,17 +18,10 @@ SMALLEST_EIGENVALUE = 1e-6
 _SCALE_NODES, _SCALE_WEIGHTS = (7.0 * values for values in np.polynomial.legendre.leggauss(40))
 
 
-@dataclass(frozen=True)
-class GaussianCopula:
-    """A Gaussian copula with correlation matrix (d, d) of the normal scores; functions as in `Copula`, of u (..., d).
-
-    Raises CopulaError for a matrix that is not symmetric and positive definite with a unit diagonal.
-    """
+class _Correlated:
+    """What copulas with a correlation matrix (d, d) of scores have in common."""
 
     correlation: tuple[tuple[float, ...], ...]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "correlation", _checked("gaussian", self.correlation))
 
     @property
     def dimension(self) -> int:
@@ -38,6 +31,19 @@ class GaussianCopula:
     @property
     def _factor(self) -> np.ndarray:
         return np.linalg.cholesky(np.array(self.correlation))
+
+
+@dataclass(frozen=True)
+class GaussianCopula(_Correlated):
+    """A Gaussian copula with correlation matrix (d, d) of the normal scores; functions as in `Copula`, of u (..., d).
+
+    Raises CopulaError for a matrix that is not symmetric and positive definite with a unit diagonal.
+    """
+
+    correlation: tuple[tuple[float, ...], ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "correlation", _checked("gaussian", self.correlation))
 
     def logpdf(self, u: np.ndarray) -> np.ndarray:
         """Log PDF of the copula at u (..., d)."""
@@ -72,7 +78,7 @@ class GaussianCopula:
 
 
 @dataclass(frozen=True)
-class StudentCopula:
+class StudentCopula(_Correlated):
     """Student's copula with correlation matrix (d, d) and degrees of freedom nu; functions of u (..., d).
 
     The first k variables of Student's distribution make the next one, scaled by sqrt((nu + k) / (nu + q_k)), a Student
@@ -90,15 +96,6 @@ class StudentCopula:
         if not SMALLEST_NU <= self.degrees_of_freedom <= LARGEST_NU:
             limits = f"[{SMALLEST_NU:g}, {LARGEST_NU:g}]"
             raise CopulaError(f"student: degrees_of_freedom = {self.degrees_of_freedom:g} is outside {limits}")
-
-    @property
-    def dimension(self) -> int:
-        """Number of variables d."""
-        return len(self.correlation)
-
-    @property
-    def _factor(self) -> np.ndarray:
-        return np.linalg.cholesky(np.array(self.correlation))
 
     def logpdf(self, u: np.ndarray) -> np.ndarray:
         """Log PDF of the copula at u (..., d)."""

@@ -15,15 +15,13 @@ import argparse
 import numpy as np
 import pandas as pd
 from bench_rows import append, finished
+from bench_table3 import SYMBOLS, state
 from dem_runs import ROOT, RunCrashed, RunFailed, assembly, digest, run
 
-from analysis.micromechanics import grading
-from analysis.micromechanics.metrics import contact_count, snapshot_metrics
-from analysis.runs.run_file import read_run, read_snapshot
+from analysis.runs.run_file import read_run
 from analysis.tables.published import INITIAL_STATE
 
 ROWS = ROOT / "data" / "benchmarks" / "grading_width.csv"
-SYMBOLS = ("e", "e_m", "Z", "Z_m")
 KEYS = ("scripts", "N", "distribution", "sigma_ln", "mu_iso", "packing")
 COLUMNS = (*KEYS, "steps", "cpu_seconds", "failure", *SYMBOLS, "inactive", "inactive_volume", "I_G", "I_G_active",
            "size_ratio")  # fmt: skip
@@ -58,11 +56,8 @@ def consolidated(distribution: str, sigma_ln: float, mu_iso: float, packing: int
         product = read_run(run("consolidate", assembly=start, mu_iso=mu_iso, G_p=25.7e9, seed=packing))
     except RunFailed as error:
         return row | {"failure": str(error)}
-    snapshot = read_snapshot(product, -1)
-    metrics = snapshot_metrics(snapshot)
-    d, count = 2.0 * snapshot.radius, contact_count(snapshot.N, snapshot.contact_ids)
-    row |= {symbol: metrics[symbol] for symbol in SYMBOLS}
-    row |= {"I_G": grading.grading_index(d), "I_G_active": grading.active_grading_index(d, count)}
+    values, d, count = state(product)
+    row |= values
     idle = count < 2
     row |= {"inactive": float(idle.mean()), "inactive_volume": float((d[idle] ** 3).sum() / (d**3).sum())}
     row |= {"size_ratio": float(d.max() / d.min())}

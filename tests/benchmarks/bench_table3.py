@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import argparse
 
+import numpy as np
 import pandas as pd
 from bench_rows import append, finished
 from dem_runs import ROOT, SIGMA_LN, RunCrashed, RunFailed, assembly, digest, run
 
 from analysis.micromechanics import grading
 from analysis.micromechanics.metrics import contact_count, snapshot_metrics
-from analysis.runs.run_file import read_run, read_snapshot
+from analysis.runs.run_file import Run, read_run, read_snapshot
 from analysis.tables.published import INITIAL_STATE
 
 ROWS = ROOT / "data" / "benchmarks" / "table3.csv"
@@ -49,13 +50,18 @@ def consolidated(N: int, sigma_ln: float, mu_iso: float, packing: int) -> dict:
         product = read_run(run("consolidate", assembly=start, mu_iso=mu_iso, G_p=25.7e9, seed=packing))
     except RunFailed as error:
         return row | {"failure": str(error)}
+    row |= state(product)[0]
+    row |= {key: product.proofs[key] for key in ("overshoot", "F_unb", "stress_error")}
+    return row | {key: product.timing[key] for key in ("steps", "cpu_seconds")}
+
+
+def state(product: Run) -> tuple[dict[str, float], np.ndarray, np.ndarray]:
+    """Void ratios, coordination numbers and grading indices at the end, and the grains' diameters and contacts (N,)."""
     snapshot = read_snapshot(product, -1)
     metrics = snapshot_metrics(snapshot)
     d, count = 2.0 * snapshot.radius, contact_count(snapshot.N, snapshot.contact_ids)
-    row |= {symbol: metrics[symbol] for symbol in SYMBOLS}
-    row |= {"I_G": grading.grading_index(d), "I_G_active": grading.active_grading_index(d, count)}
-    row |= {key: product.proofs[key] for key in ("overshoot", "F_unb", "stress_error")}
-    return row | {key: product.timing[key] for key in ("steps", "cpu_seconds")}
+    values = {symbol: metrics[symbol] for symbol in SYMBOLS}
+    return values | {"I_G": grading.grading_index(d), "I_G_active": grading.active_grading_index(d, count)}, d, count
 
 
 def compare(rows: pd.DataFrame) -> None:

@@ -12,7 +12,7 @@ import pandas as pd
 import pytest
 from paths import ROOT
 
-from campaign.config import Inputs, Pdem, Points
+from campaign.config_keys import Inputs, Pdem, Points
 from campaign.evaluate import INPUT_BOOTSTRAP
 
 FOLDER = ROOT / "tests" / "benchmarks"

@@ -19,7 +19,8 @@ from analysis.runs.peak_critical import stress_ratio
 from analysis.tables.registry import TABLES
 from campaign import evaluate
 from campaign.__main__ import main
-from campaign.config import SECTIONS, ConfigError, parse_config
+from campaign.config import ConfigError, parse_config
+from campaign.config_keys import SECTIONS
 from campaign.folder import recorded_sums
 from campaign.prepare import PlanError
 

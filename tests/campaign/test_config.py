@@ -4,7 +4,8 @@ from dataclasses import fields
 
 import pytest
 
-from campaign.config import ROOT, SECTIONS, ConfigError, Slurm, parse_config, read_config
+from campaign.config import ROOT, ConfigError, parse_config, read_config
+from campaign.config_keys import SECTIONS, Slurm
 
 
 @pytest.mark.parametrize("name", ["demo", "laptop", "paper"])

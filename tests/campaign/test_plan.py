@@ -15,7 +15,8 @@ import synthetic_runs
 
 from analysis.points import RepresentativePoints
 from analysis.quantities import FULL_RATE, FULL_RATE_FRICTION, effective_inertial_number
-from campaign.config import ROOT, SECTIONS, parse_config, read_config
+from campaign.config import ROOT, parse_config, read_config
+from campaign.config_keys import SECTIONS
 from campaign.plan import (
     STAGES,
     collapsing,

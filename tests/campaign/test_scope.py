@@ -6,7 +6,7 @@ import pytest
 
 from analysis.inputs.column_names import COLUMN_NAMES
 from campaign.__main__ import main
-from campaign.config import SECTIONS, Slurm
+from campaign.config_keys import SECTIONS, Slurm
 from campaign.scope import _ANSWERS, SCOPE, out_of_scope
 
 

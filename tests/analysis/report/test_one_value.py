@@ -15,7 +15,7 @@ from analysis.results import models
 from analysis.results.build import build_results
 from analysis.results.reader import read_results
 from analysis.tables import evaluate, registry
-from campaign.config import SECTIONS
+from campaign.config_keys import SECTIONS
 
 #: Tables that take long and give no quoted quantity: they are empty here, as with few runs.
 SLOW = ("claims", "stopping_replay")

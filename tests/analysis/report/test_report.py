@@ -20,7 +20,7 @@ from analysis.report import captions, conditions, page, reference, reliability, 
 from analysis.results.build import build_results
 from analysis.results.reader import ResultsError, read_results
 from analysis.tables import evaluate, other_runs, run_quality
-from campaign.config import SECTIONS
+from campaign.config_keys import SECTIONS
 
 #: The tables behind `wording.run_notes`.
 NOTES = ("runs", "run_counts", "report_facts", "archived_runs")
