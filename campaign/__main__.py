@@ -168,7 +168,7 @@ COMMANDS = {
     ),
     "sweep": Command(
         commands.sweep,
-        "do all this for several values of a key; one table and one figure of the states",
+        "run one campaign for each value of a key; write one table and one figure of the states",
         ("--folder", "--jobs", "--failed", "--quiet", "--set", "--with"),
     ),
     "prune": Command(

@@ -5,10 +5,10 @@ from __future__ import annotations
 #: Shown by `python3 -m campaign --help`.
 SCOPE = """\
 What this tool does not do:
-  loading: cyclic loading, creep, rate effects, simple or direct shear, true triaxial paths, fields with gravity
+  loading: cyclic loading, creep, rate effects, simple or direct shear, true triaxial tests, gravity
   grains: crushing, wear, other shapes than spheres
   contacts: cohesion, bonds, rolling resistance, damping that depends on velocity; the law is Hertz, Mindlin, Coulomb
-  water: fluid flow, partial saturation, liquid bridges; and no heat
+  water and heat: fluid flow, partial saturation, liquid bridges, temperature
   boundaries: walls, platens and membranes; the cell is periodic, and its strain is homogeneous"""
 
 #: What is asked for -> words of keys that ask for it. A word also answers for keys of which it is a part between "_".

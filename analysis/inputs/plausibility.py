@@ -208,7 +208,7 @@ def _not_told_apart(
     if not texts:
         return []
     return [
-        f"{n} pairs cannot tell these families apart: AIC within {NEAR_AIC:g} of the smallest: {'; '.join(texts)}; "
+        f"{n} pairs cannot distinguish these families: AIC within {NEAR_AIC:g} of the smallest: {'; '.join(texts)}; "
         "every bootstrap sample of the pairs chooses again, so that the bands allow for the choice"
     ]
 

@@ -181,7 +181,7 @@ def test_few_pairs_cannot_tell_families_apart(n):
     found = [text for text in warnings_of(pairs, copulas=fits, **tables) if "cannot tell" in text]
     if n < 40:
         assert found[0].startswith(
-            f"{n} pairs cannot tell these families apart: AIC within 2 of the smallest: lognormal, normal of mu_s; "
+            f"{n} pairs cannot distinguish these families: AIC within 2 of the smallest: lognormal, normal of mu_s; "
             "gaussian, frank of the copula; every bootstrap"
         )
     assert len(found) == (n < 40)
