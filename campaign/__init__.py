@@ -5,6 +5,7 @@ A module imports only modules that stand above it in this list:
     files, progress             text and JSON files, digests of code; the progress line
     scope                       what the tool does not do
     config_keys                 every key of the campaign file: default, type, limits, meaning
+    config_checks               what several keys must satisfy together; warnings about settings
     config_variables, config    stated distributions in the campaign file; the whole file as one checked value
     folder                      locks, checksums and failure files of a folder
     run_one                     supervises one run in YADE (`row`: its former name, for tasks that wait in SLURM)

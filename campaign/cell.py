@@ -6,7 +6,8 @@ the edge (V_s / phi)^(1/3) at the start of shear, so that it stops at the logari
 
     ln( (V_s / phi)^(1/3) / (2.1 span + step) ),    span = d_max + 0.05 d_min,
 
-with the strain of one time step in m, as the controller compares it.  A scatter of the edges is taken off.
+with the strain of one time step in m, as the controller compares it.  In extension the lateral edges shorten, by half
+the axial strain.  A scatter of the edges is taken off.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 from campaign.config import Config, ConfigError
-from campaign.plan import STAGES, predicted_seconds, predicted_steps
+from campaign.plan import STAGES, path_parameters, predicted_seconds, predicted_steps
 
 if TYPE_CHECKING:
     import numpy as np
@@ -91,7 +92,8 @@ def reach_of(config: Config, N: int) -> Reach:
     step = STEP_MARGIN * end / predicted_steps("shear", _values(config)) / d50
     box = _shortest(largest, smallest)
     edge = (volume / (densest * _looser(min(config.consolidation.mu_iso)))) ** (1.0 / 3.0)
-    stops = math.log(edge / (box + step))
+    shortening = 0.5 if config.shear.direction == "extension" else 1.0  # of the edge that becomes the shortest
+    stops = math.log(edge / (box + step)) / shortening
     # yade_scripts/consolidate.py refuses a cell whose edge will be less than 2.1 diameters at a solid fraction of 0.68
     before = math.log((volume / DENSEST_BEFORE) ** (1.0 / 3.0) / (2.1 * largest))
     safe = stops - EDGE_SCATTER / math.sqrt(N)
@@ -145,7 +147,7 @@ def _values(config: Config) -> dict[str, float]:
     return {"G_p": config.consolidation.G_ref_GPa * 1e9, "stiffness_scale": config.dem.stiffness_scale,
             "sigma_3": config.consolidation.sigma_3_kPa * 1e3, "timestep_factor": config.dem.timestep_factor,
             "density_scaling": int(config.dem.density_scaling), "strain_end": config.shear.strain_end,
-            "inertial_number": config.shear.inertial_number, "mu_s": 0.0}  # fmt: skip
+            "inertial_number": config.shear.inertial_number, "mu_s": 0.0, **path_parameters(config)}  # fmt: skip
 
 
 def _looser(mu_iso: float) -> float:

@@ -12,10 +12,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from analysis.quantities import CRITICAL_BLOCK, CRITICAL_FROM
 from campaign import batches, compare, engine_local, engine_slurm, evaluate
 from campaign.cell import check_cell
 from campaign.config import Config, ConfigError
+from campaign.config_checks import settings_warnings
 from campaign.plan import PlannedRun, collapsing, make_rows, predicted_cost, write_plan
 from campaign.prepare import describe_inputs, prepare, read_planned_points
 from campaign.products import run_statuses
@@ -39,11 +39,7 @@ def _plan_and_print(config: Config, folder: Path) -> list[PlannedRun]:
     rows, points, outcome = _plan(config, folder)
     count = len(points)
     lines, warnings = describe_inputs(folder, points)
-    if config.shear.strain_end < CRITICAL_FROM + CRITICAL_BLOCK:
-        warnings.append(
-            f"shear.strain_end = {config.shear.strain_end:g}: critical states are judged between strains "
-            f"{CRITICAL_FROM:g} and strain_end, at least {CRITICAL_FROM + CRITICAL_BLOCK:g}; none will be given"
-        )
+    warnings += settings_warnings(config)
     print("\n".join([*lines, *(f"warning: {warning}" for warning in warnings)]))
     print(f"{config.name}: {count} points {outcome}, {len(rows)} runs in {_shown(folder)}")
     print(f"{'':12}{'runs':>8}{'particle-steps':>18}{'core-hours':>12}   (predicted)")

@@ -16,7 +16,8 @@ from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from analysis.errors_and_files import GrainScatterError, decoded, digest, shown
+from analysis.errors_and_files import decoded, digest, shown
+from campaign.config_checks import ConfigError, check_together
 from campaign.config_keys import (
     COLUMNS,
     MOST_SEEDS,
@@ -57,10 +58,6 @@ INSTALL_YADE = (
 FORMER = {
     "assembly.replicate_points": "assembly.packings are dealt to the points in rotation, and no point has replicates"
 }
-
-
-class ConfigError(GrainScatterError):
-    """A campaign file cannot be used; the text names the file, the key, the value and the limit."""
 
 
 @dataclass(frozen=True)
@@ -163,7 +160,7 @@ def _parsed(text: str, source: Path, file: str) -> Config:
     variables, dependence, settled = stated
     parts |= {section: replace(parts[section], **keys) for section, keys in settled.items()}
     config = Config(name=name, text=text, source=source, variables=variables, dependence=dependence, **parts)
-    _check_together(config, file)
+    check_together(config, file)
     return _with_curve(config, table.get("assembly", {})) if config.assembly.sieve else config
 
 
@@ -300,60 +297,6 @@ def _shown(value: Any) -> str:
         return shown(repr(value), 80)
     except ValueError:  # a whole number of more than 4,300 digits
         return "a number of more than 4,300 digits"
-
-
-def _check_together(config: Config, file: str) -> None:
-    """Check limits that concern several keys, and texts with a format of their own."""
-    lists = {"assembly.packings": config.assembly.packings, "consolidation.mu_iso": config.consolidation.mu_iso}
-    for full, values in lists.items():
-        if not values:
-            raise ConfigError(f"{file}: {full} is empty; at least one value is needed")
-        names = [f"{value:g}" if isinstance(value, float) else str(value) for value in values]  # groups in results.h5
-        if twice := [name for name in names if names.count(name) > 1]:
-            raise ConfigError(
-                f"{file}: {full} = {list(values)} names a value twice: {twice[0]} in the six digits that name it"
-            )
-    strains = config.shear.snapshots
-    written = [float(f"{strain:g}") for strain in strains]  # in the tables of runs
-    if any(b <= a for a, b in zip(written, written[1:], strict=False)):
-        raise ConfigError(f"{file}: shear.snapshots = {list(strains)} must increase in their first six digits")
-    if strains and strains[-1] > config.shear.strain_end:
-        raise ConfigError(
-            f"{file}: shear.snapshots has {strains[-1]:g}, beyond strain_end = {config.shear.strain_end:g}"
-        )
-    if config.pdem.stop_when:
-        try:
-            parse_share(config.pdem.stop_when)
-        except ConfigError as error:
-            raise ConfigError(f"{file}: pdem.stop_when = {error}") from None
-    slurm = config.run.slurm
-    if not re.fullmatch(r"[\w.,@+-]*", slurm.partition):
-        raise ConfigError(f"{file}: run.slurm.partition = {slurm.partition!r} is no name of a partition")
-    for option in slurm.options:
-        if not re.fullmatch(r"-[\w-].*", option) or not option.isprintable():
-            raise ConfigError(
-                f"{file}: run.slurm.options = {option!r} must be one option in one line, such as '--qos=low'"
-            )
-    if not re.fullmatch(r"([0-9]+-)?[0-9]+(:[0-9][0-9]){0,2}", config.run.slurm.time):
-        raise ConfigError(f"{file}: run.slurm.time = {config.run.slurm.time!r} is no SLURM time such as '24:00:00'")
-    if not re.fullmatch(r"[0-9]+[KMGT]?", config.run.slurm.memory):
-        raise ConfigError(f"{file}: run.slurm.memory = {config.run.slurm.memory!r} is no SLURM size such as '2G'")
-
-
-def parse_share(text: str) -> float:
-    """Return 0.05 for "5%" or "0.05". Raises ConfigError if the text states no share between 0 and 1.
-
-    The stopping rule of the analysis has a function of its own for this, so that neither side imports the other; a test
-    compares the two.
-    """
-    number = text.strip()
-    try:
-        share = float(number.removesuffix("%")) / (100 if number.endswith("%") else 1)
-    except ValueError:
-        share = float("nan")
-    if not 0 < share < 1:
-        raise ConfigError(f"{text!r} must be a share such as '5%' or '0.05'")
-    return share
 
 
 def jobs(config: Config) -> int:

@@ -112,6 +112,17 @@ class Consolidation:
 
 @dataclass(frozen=True)
 class Shear:
+    path: str = key(
+        "drained", str, choices=("drained", "constant_p", "undrained"),
+        doc="what the test holds: drained: sigma_3; constant_p: p'; undrained: the volume",
+    )  # fmt: skip
+    direction: str = key(
+        "compression", str, choices=("compression", "extension"), doc="whether the z axis shortens or lengthens"
+    )
+    stiff_cap_MPa: float = key(
+        10.0, float, 0.01, 1e4, doc="p' at which an undrained test ends, MPa: real grains would crush",
+        asks=("", "is it kPa?"),
+    )  # fmt: skip
     strain_end: float = key(0.40, float, 0.001, 1.0, doc="final axial strain, logarithmic; 0.40 is 33 % of the height",
                             asks=("", "is it per cent?"))  # fmt: skip
     inertial_number: float = key(

@@ -170,6 +170,7 @@ def _add_chain(
     }  # fmt: skip
     if config.shear.energy_strain:
         shear_only["energy_strain"] = config.shear.energy_strain
+    shear_only |= path_parameters(config)
     shear = planned("shear", family, point.id, mu_s, point.G_p, probe.run_id, swapped | shear_only)
     rows.setdefault(shear.run_id, shear)
 
@@ -203,6 +204,18 @@ def _planned_run(
     return PlannedRun(
         run_id, stage, family, point, packing, mu_iso, mu_s, G_p, start, steps, steps * grains.N, values, further
     )
+
+
+def path_parameters(config: Config) -> dict[str, Any]:
+    """Return the parameters of a shear run that give its path; none for drained compression, so that its ids hold."""
+    shear, given = config.shear, dict[str, Any]()
+    if shear.path != "drained":
+        given["path"] = shear.path
+    if shear.direction != "compression":
+        given["direction"] = shear.direction
+    if shear.path == "undrained":
+        given["stiff_cap"] = shear.stiff_cap_MPa * 1e6
+    return given
 
 
 def consolidates_alone(config: Config, further: Mapping[str, float]) -> bool:

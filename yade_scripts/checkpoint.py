@@ -66,8 +66,8 @@ class Checkpoint:
         os.replace(part, self.path)
         self.saved_at = time.monotonic()
 
-    def resume(self) -> Windows | None:
-        """The record to go on with, the scene loaded; None when there is nothing of this very run and code."""
+    def resume(self, path) -> Windows | None:
+        """The record to go on with, scene loaded and `path` restored; None when there is nothing of this run and code."""
         try:
             scene, data = unpacked(self.path.read_bytes(), self.identity)
         except FileNotFoundError:
@@ -78,9 +78,9 @@ class Checkpoint:
         vars(self.p).update(data["inherited"])
         load_scene(scene)
         O.resetTime()
-        rve.engine("watch").dead = True
+        rve.quiet()
         O.run(1, True)  # the contact law knows its scene only after a step
-        windows = Windows(self.p)
+        windows = Windows(self.p, path)
         windows.restore(data["windows"])
         product = self.product
         product.snapshots, product.resumed = data["snapshots"], data["resumed"] + 1

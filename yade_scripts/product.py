@@ -37,6 +37,7 @@ class Product:
         self.probe: dict = {}
         self.proofs: dict[str, float] = {}
         self.exit_reason = ""
+        self.facts: dict[str, float] = {}  # further attributes of the file
         self.resumed = 0
         self.steps_before = 0
         self.seconds_before = 0.0
@@ -80,6 +81,7 @@ class Product:
             yade_version=str(config.version),
             created=datetime.now(UTC).isoformat(timespec="seconds"),
             script_digest=self.scripts,
+            **self.facts,
         )
         skipped = ("stage", "started", "script", "run_id", "product")
         file.create_group("parameters").attrs.update({k: v for k, v in vars(p).items() if k not in skipped})

@@ -81,14 +81,14 @@ class Windows:
     """The record of a shear run: every sample goes into the mean of its strain window; nothing is a single step.
 
     `rows` holds the finished windows, row 0 the state before shear; `sums` the open one.  Both are plain data, so
-    that a checkpoint can carry them: `to_dict` and `restore`.
+    that a checkpoint can carry them: `to_dict` and `restore`.  `path` is what is held (`paths.py`).
 
     Energies are summed up to `energy_strain` only: they take a tenth of a step's instructions, and a step too large
     for its packing shows there or by its stress.
     """
 
-    def __init__(self, p):
-        self.p, self.state = p, State(p)
+    def __init__(self, p, path):
+        self.p, self.path, self.state = p, path, State(p)
         self.edges = window_edges(p.strain_end, p.windows)
         self.energy_0 = self._energies() | {"E_kinetic": utils.kineticEnergy()}
         self.offset = {"E_friction": -self.energy_0["E_friction"], "E_damping": 0.0}
@@ -100,17 +100,26 @@ class Windows:
 
     def add(self) -> dict:
         """Take one sample, close the window when its edge is passed, and return the sample."""
-        sample = self.state.sample(rve.engine("servo").maxStrainRate[2])
+        sample = self.state.sample(self.path.rate)
         self._add_work(sample)
-        lateral = 0.5 * (sample["sigma"][0, 0] + sample["sigma"][1, 1]) / self.p.sigma_3 - 1.0
+        error = self.path.error(sample)
         for key in _SAMPLED:
             self.sums[key] = self.sums[key] + sample[key]
-        self.sums["servo_mean"] += lateral
-        self.servo_max = max(self.servo_max, abs(lateral))
+        self.sums["servo_mean"] += error
+        self.servo_max = max(self.servo_max, abs(error))
         self.count += 1
-        if self.rows and sample["eps_a"] >= self.edges[len(self.rows) - 1]:
+        if self.rows and self.strain(sample) >= self.edges[len(self.rows) - 1]:
             self._close()
         return sample
+
+    def strain(self, sample: dict) -> float:
+        """Axial strain of a sample or row in the direction of the test, positive."""
+        return self.path.sign * sample["eps_a"]
+
+    def end(self) -> None:
+        """Close the open window although its edge is not reached."""
+        if self.count:
+            self._close()
 
     def full(self) -> bool:
         return len(self.rows) > len(self.edges)
@@ -152,14 +161,16 @@ class Windows:
     def energy_balance(self) -> tuple[float, float]:
         """|boundary work - (elastic + kinetic + friction + damping)| over the work put in, and the strain it is of.
 
-        That where the energies' sums ended, or before, that of the last row.
+        That where the energies' sums ended, or before, that of the last row.  What the contact springs release counts
+        as put in: a packing that loses its stress dissipates more than the work at its boundary.
         """
         if self.balance is not None:
             return self.balance
         end, start = self.rows[-1], self.energy_0
         spent = end["E_elastic"] - start["E_elastic"] + end["E_friction"] + end["E_damping"]
         spent += utils.kineticEnergy() - start["E_kinetic"]
-        return abs(end["W_boundary"] - spent) / abs(end["W_boundary"]), float(end["eps_a"])
+        released = max(start["E_elastic"] - end["E_elastic"], 0.0)
+        return abs(end["W_boundary"] - spent) / (abs(end["W_boundary"]) + released), self.strain(end)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Every recorded quantity as an array (T, ...)."""
@@ -169,13 +180,14 @@ class Windows:
         keys = ("rows", "sums", "count", "servo_max", "work", "last", "energy_0", "balance")
         spent = self._spent()
         return {key: getattr(self, key) for key in keys} | {
-            "spent": {key: spent[key] for key in self.offset}, "V_0": self.state.V_0
+            "spent": {key: spent[key] for key in self.offset}, "V_0": self.state.V_0, "path": self.path.to_dict()
         }  # fmt: skip
 
     def restore(self, saved: dict) -> None:
         """Take up the record of a checkpoint: the law's own energy counters restart at zero after a reload."""
         self.offset = saved.pop("spent")
         self.state.V_0 = saved.pop("V_0")
+        self.path.restore(saved.pop("path"))
         vars(self).update(saved)
 
 

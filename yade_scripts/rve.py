@@ -113,7 +113,9 @@ def set_engines(p, calc_energy: bool = False) -> None:
             maxUnbalanced=1e-12,
             label="servo",
         ),
-        PyRunner(iterPeriod=1, dead=True, label="watch"),  # here places and forces belong together
+        # Here places and forces belong together: what a path holds, and what a stage watches.
+        PyRunner(iterPeriod=1, dead=True, label="hold"),
+        PyRunner(iterPeriod=1, dead=True, label="watch"),
         NewtonIntegrator(damping=p.damping, label="newton"),
     ]
     O.dt = rayleigh_step(p) / 3.0
@@ -156,45 +158,17 @@ def servo_isotropic(p, pressure: float, max_rate: float) -> None:
     servo.dead = False
 
 
-def servo_triaxial(p, strain_end: float) -> None:
-    """Shorten the z axis at the asked rate up to the logarithmic strain `strain_end`; hold sigma_3 on x and y."""
-    O.cell.trsf = Matrix3.Identity
-    rate = strain_rate(p)
-    servo = engine("servo")
-    servo.stressMask = 3
-    servo.goal = Vector3(-p.sigma_3, -p.sigma_3, -2.0 * strain_end)
-    servo.maxStrainRate = Vector3(20.0 * rate, 20.0 * rate, rate)
-    servo.strain = Vector3(0, 0, 0)
-    servo.strainRate = Vector3(0, 0, 0)
-    servo.mass = servo_mass(p)
-    servo.dead = False
-
-
-def trim_servo(p, sigma: np.ndarray, gain: float = 0.1) -> None:
-    """Shift the lateral goals against the error just sampled, and follow the mean stress with the axial rate.
-
-    So the *mean* of sigma_3 is held: the servo's own damping is lopsided while the cell deforms (it slows what follows
-    the motion and speeds what opposes it) and alone leaves sigma_3 some 0.4 % high.  The shift lives in the goal and is
-    limited to 5 %.  And the inertial number, not the rate, stays constant: as p' grows, the same I allows a faster run.
-    """
-    servo = engine("servo")
-    pressure = (servo.maxStrainRate[2] * p.d50 / inertial_number(p)) ** 2 * p.rho
-    pressure += 0.1 * (float(np.trace(sigma)) / 3.0 - pressure)
-    rate = inertial_number(p) / p.d50 * math.sqrt(max(pressure, 0.1 * p.sigma_3) / p.rho)
-    servo.maxStrainRate = Vector3(servo.maxStrainRate[0], servo.maxStrainRate[1], rate)
-    goal = [servo.goal[i] + gain * (float(sigma[i, i]) - p.sigma_3) for i in (0, 1)]
-    lateral = [-min(max(-g, 0.95 * p.sigma_3), 1.05 * p.sigma_3) for g in goal]
-    servo.goal = Vector3(lateral[0], lateral[1], servo.goal[2])
-
-
 def release_servo() -> None:
     """No servo, no deformation."""
     engine("servo").dead = True
     O.cell.velGrad = Matrix3.Zero
 
 
-def every(period: int, call) -> None:
-    """Call `call()` every `period` steps; its exception stops the run and is raised again by `run`."""
+def every(period: int, call, label: str = "watch") -> None:
+    """Call `call()` every `period` steps; its exception stops the run and is raised again by `run`.
+
+    label: "watch", or "hold" for a second call, which comes first in a step.
+    """
     import __main__
 
     def guarded() -> None:
@@ -204,9 +178,17 @@ def every(period: int, call) -> None:
             __main__.rve_watch_error = error
             stop()
 
-    __main__.rve_watch, __main__.rve_watch_error = guarded, None
-    watch = engine("watch")
-    watch.iterPeriod, watch.command, watch.dead = max(1, int(period)), "rve_watch()", False
+    setattr(__main__, f"rve_{label}", guarded)
+    __main__.rve_watch_error = None
+    runner = engine(label)
+    runner.iterPeriod, runner.command, runner.dead = max(1, int(period)), f"rve_{label}()", False
+
+
+def quiet() -> None:
+    """Call nothing any more that `every` set up."""
+    for runner in O.engines:
+        if runner.label in ("hold", "watch"):
+            runner.dead = True
 
 
 def stop() -> None:
@@ -223,7 +205,7 @@ def run(steps: int) -> None:
     import __main__
 
     O.run(int(steps), True)
-    engine("watch").dead = True
+    quiet()
     error, __main__.rve_watch_error = getattr(__main__, "rve_watch_error", None), None
     if error is not None:
         raise error

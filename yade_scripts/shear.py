@@ -1,11 +1,11 @@
-"""Stage 3, drained triaxial shear: the z axis shortens at a given inertial number, the servo holds sigma_3 on x and y.
+"""Stage 3, triaxial shear: the z axis shortens or lengthens at a given inertial number on one of the paths.
 
     YADE_BATCH=runs.table:2 yade -n -x -j1 yade_scripts/shear.py        one row
     yade-batch runs.table yade_scripts/shear.py                         all rows
 
 Starts from a probe's product (the packing at rest with mu_s and G_p) or from a consolidation's, which it first brings
-to rest.  The product holds the window averages, the snapshots asked for, and the proofs: servo, inertial number,
-energy balance, steady state.
+to rest.  `paths.py` says what a path holds (sigma_3, p' or the volume).  The product holds the window averages, the
+snapshots asked for, and the proofs: what is held, inertial number, energy balance, steady state.
 """
 
 import os
@@ -15,6 +15,7 @@ sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.abspath(sys.argv[0]))
 
 from yade_scripts import rve
 from yade_scripts.checkpoint import Checkpoint
+from yade_scripts.paths import PATHS
 from yade_scripts.proofs import check_shear, is_steady, shear_proofs
 from yade_scripts.record import Windows, snapshot
 from yade_scripts.rve import O
@@ -27,40 +28,54 @@ SAMPLES_PER_WINDOW = 20
 
 def protocol(p, product) -> None:
     """Bring the packing to rest, shear it window by window, prove the run, write the product."""
+    path = PATHS[p.path](p)
     checkpoint = Checkpoint(p, product)
-    windows = checkpoint.resume()
+    windows = checkpoint.resume(path)
     if windows is None:
         begin(p, calc_energy=True)
         O.trackEnergy = p.damping > 0.0
-        rve.servo_triaxial(p, p.strain_end)
-        windows = Windows(p)
+        path.start()
+        windows = Windows(p, path)
         product.snapshots = [snapshot("start", 0.0)]
-    advance = Advance(p, windows.rows[-1]["eps_a"])
+    advance = Advance(p, path, windows.strain(windows.rows[-1]))
     if not (product.resumed or p.stop_when_steady):
         advance.check_end()
-    wanted = [s for s in strains(p.snapshots) if s > product.snapshots[-1]["eps_a"]]
+    wanted = [s for s in strains(p.snapshots) if s > windows.strain(product.snapshots[-1])]
 
     def watch():
         sample = windows.add()
+        strain = windows.strain(sample)
         check_shear(p, sample, windows)
-        rve.trim_servo(p, sample["sigma"])
-        while wanted and sample["eps_a"] >= wanted[0]:
+        path.follow(sample)
+        while wanted and strain >= wanted[0]:
             product.snapshots.append(snapshot("strain", sample["eps_a"]))
             wanted.pop(0)
-        if windows.full() or (p.stop_when_steady and is_steady(windows.rows)):
+        product.exit_reason = why_ended(p, windows, sample)
+        if product.exit_reason:
+            windows.end()
             product.snapshots.append(snapshot("end", sample["eps_a"]))
             rve.stop()
         else:
-            advance.check(sample["eps_a"])
+            advance.check(strain)
             checkpoint.save_when_due(windows)
 
     rve.every(sampling_period(p, windows), watch)
     rve.run(10**9)
     product.record = windows.arrays()
     product.proofs = shear_proofs(p, windows)
-    product.exit_reason = "strain_end" if windows.full() else "steady"
+    if product.exit_reason == "liquefied":
+        product.facts["liquefied_from"] = path.low_since
     product.write()
     checkpoint.remove()
+
+
+def why_ended(p, windows, sample: dict) -> str:
+    """The reason why a test ends with this sample; "" while it goes on."""
+    if windows.full():
+        return "strain_end"
+    if p.stop_when_steady and is_steady(windows):
+        return "steady"
+    return windows.path.ended(windows.strain(sample), sample["sigma"])
 
 
 def strains(text) -> list[float]:

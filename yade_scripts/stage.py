@@ -1,6 +1,6 @@
 """What every stage shares around its protocol: parameters in, one product or one stated failure out.
 
-`main(stage, defaults, protocol)` reads the row of YADE's parameter table (or the defaults), runs `protocol(p, product)`
+`main(stage, protocol)` reads the row of YADE's parameter table over the defaults, runs `protocol(p, product)`
 and leaves either the product (moved into place when complete) or `<run_id>.failed.json` and exit status 1.
 """
 
@@ -18,6 +18,7 @@ from types import SimpleNamespace
 from yade import utils
 
 from analysis.assembly import AssemblyError
+from yade_scripts.paths import PATHS
 from yade_scripts.product import Product, ProductError
 from yade_scripts.proofs import I_LIMIT
 from yade_scripts.rve import O, ProofError
@@ -42,6 +43,9 @@ COMMON = {
     "heterogeneity": "specimen",
     "grains": "",
     "inertial_number": 2e-3,
+    "path": "drained",
+    "direction": "compression",
+    "stiff_cap": 10e6,  # p' at which an undrained test ends: grains would crush
     "strain_end": 0.40,
     "windows": "default",
     "energy_strain": 0.05,  # strain up to which energies are summed and their balance is proven
@@ -67,6 +71,7 @@ LIMITS = {
     "stiffness_scale": (1e-6, 10.0),
     "inertial_number": (1e-6, I_LIMIT),
     "strain_end": (1e-4, 2.0),
+    "stiff_cap": (1.0, 1e12),
     "energy_strain": (0.0, 2.0),
     "probe_strain": (1e-9, 1e-2),
     "servo_mass": (1e-6, 10.0),
@@ -116,6 +121,13 @@ def check(p) -> None:
         value = getattr(p, name)
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
             raise ProofError(f"{name} = {value!r} is outside [{low:g}, {high:g}]")
+    for name, choices in (("path", tuple(PATHS)), ("direction", ("compression", "extension"))):
+        if getattr(p, name) not in choices:
+            raise ProofError(f"{name} = {getattr(p, name)!r} is none of {', '.join(choices)}")
+    if p.path != "drained" and p.stiffness_scale != 1.0:
+        raise ProofError(
+            f"stiffness_scale = {p.stiffness_scale:g} with path = {p.path!r}: this path needs the grains' own stiffness, 1"
+        )
     if p.heterogeneity not in ("specimen", "grain") or (p.heterogeneity == "grain" and not p.grains):
         raise ProofError(
             f"heterogeneity = {p.heterogeneity!r} with grains = {p.grains!r}: want 'specimen', or 'grain' and a file"

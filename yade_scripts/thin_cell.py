@@ -29,27 +29,31 @@ def span() -> float:
 
 
 class Advance:
-    """Watches that the axial strain of a shear run grows as it should."""
+    """Watches that the axial strain of a shear run grows as it should.
 
-    def __init__(self, p, strain: float):
-        self.p, self.limit = p, SHORTEST_EDGE * span()
+    The edge that shortens is the axial one in compression and the lateral one, at half the strain, in extension.
+    """
+
+    def __init__(self, p, path, strain: float):
+        self.p, self.path, self.limit = p, path, SHORTEST_EDGE * span()
+        self.axis, self.share = (2, 1.0) if path.sign > 0 else (0, 0.5)
         self.steps = LATEST * p.strain_end / (rve.strain_rate(p) * O.dt)
         self.since = (O.iter, strain)
 
     def check_end(self) -> None:
         """Refuse, before a run begins, an end that its cell cannot be shortened to."""
-        edge, step = O.cell.hSize[2, 2], rve.strain_rate(self.p) * O.dt
-        reached = math.log(edge / (self.limit + step))
+        edge, step = O.cell.hSize[self.axis, self.axis], rve.strain_rate(self.p) * O.dt
+        reached = math.log(edge / (self.limit + step)) / self.share
         if reached < self.p.strain_end:
             raise ProofError(
                 f"thin cell: strain_end = {self.p.strain_end:g} cannot be reached, YADE stops the cell at strain "
-                f"{reached:.3g}, edge {edge * math.exp(-reached):.4g} m (now {edge:.4g} m), limit {SHORTEST_EDGE:g} "
-                f"spans of the largest grain = {self.limit:.4g} m"
+                f"{reached:.3g}, edge {edge * math.exp(-reached * self.share):.4g} m (now {edge:.4g} m), limit "
+                f"{SHORTEST_EDGE:g} spans of the largest grain = {self.limit:.4g} m"
             )
 
     def check(self, strain: float) -> None:
         """Refuse a run whose strain stands still, with strain, edge and limit."""
-        edge, step = O.cell.hSize[2, 2], rve.engine("servo").maxStrainRate[2] * O.dt
+        edge, step = O.cell.hSize[self.axis, self.axis], self.path.rate * O.dt
         if edge - self.limit < step:
             raise ProofError(
                 f"thin cell: the strain stands still at {strain:.4g} of {self.p.strain_end:g}, edge {edge:.4g} m, "

@@ -9,8 +9,8 @@ from . import input_words
 CAPTIONS = {
     "fig05": "Stress ratio. Upper panels: PDFs along axial strain; a line is the mean. Lower panels: means with two "
     "standard deviations to either side, and PDFs at the peak and at the critical state. Ticks below an axis are the "
-    "points. A thick line is the denoised PDF of a state, without the noise of packings and single runs; a thin line is "
-    "the PDF as simulated, where the two differ visibly. PDFs along strain are as simulated.",
+    "points. A thick line is the denoised PDF of a state, without the noise of packings and single runs; a thin line "
+    "is the PDF as simulated, where the two differ visibly. PDFs along strain are as simulated.",
     "fig06": "PDF surfaces of the stress ratio; the densest one also in plan. A surface begins where the PDFs of "
     "neighbouring strains overlap. Values above the scale are cut off.",
     "fig07": "Peak (triangles) and critical state (circles, on the right) of every point: stress ratio and void ratio. "

@@ -18,6 +18,14 @@ CONFIGS = {
     "[points]\nm = 8": "points.m",
     "[points]\nN = 8": "points.N",
     "[shear]\nstrain_ends = 0.3": "did you mean 'strain_end'",
+    '[shear]\npath = "undraind"': "must be one of 'drained', 'constant_p', 'undrained'; did you mean 'undrained'?",
+    '[shear]\ndirection = "up"': "must be one of 'compression', 'extension'",
+    '[shear]\npath = "constant_p"\n[dem]\nstiffness_scale = 0.1': "dem.stiffness_scale = 0.1 with shear.path = "
+    "'constant_p': only 1 is possible",
+    '[shear]\npath = "undrained"\n[dem]\nstiffness_scale = 0.1': "only 1 is possible",
+    '[shear]\npath = "undrained"\nstiff_cap_MPa = 0.05': "shear.stiff_cap_MPa = 0.05 must exceed "
+    "consolidation.sigma_3_kPa = 100",
+    "[shear]\nstiff_cap_MPa = 1e5": "is it kPa?",
     "[sheer]\nstrain_end = 0.3": "did you mean 'shear'",
     "colour = 3": "colour",
     "[points]\nn = 'ten'": "points.n = 'ten' must be a whole number",

@@ -17,7 +17,8 @@ from analysis.surrogates import stopping, surrogate
 from analysis.surrogates.rotation import nested_order
 from analysis.tables import evaluate as evaluate_tables
 from campaign import batches, engine_slurm, evaluate
-from campaign.config import ConfigError, parse_config, parse_share, read_config
+from campaign.config import ConfigError, parse_config, read_config
+from campaign.config_checks import parse_share
 from campaign.folder import write_failure
 from campaign.plan import write_plan
 from campaign.products import run_statuses, set_aside

@@ -217,17 +217,20 @@ KEYS = {
     "strain_end": ("shear", "strain_end"), "windows": ("shear", "windows"), "snapshots": ("shear", "snapshots"),
     "probe_strain": ("probe", "strain"), "stop_when_steady": ("shear", "stop_when_steady"),
     "energy_strain": ("shear", "energy_strain"), "G_p": ("consolidation", "G_ref_GPa"),
-    "mu_s": ("families", "mu_s_fixed"),
+    "mu_s": ("families", "mu_s_fixed"), "path": ("shear", "path"), "direction": ("shear", "direction"),
+    "stiff_cap": ("shear", "stiff_cap_MPa"),
 }  # fmt: skip
 #: Stage -> parameters that its table leaves out: the stage does not use them, or its default is what is meant.
 LEFT_OUT = {
     "consolidate": {"mu_s", "damping", "heterogeneity", "grains", "probe_strain"},
     "probe": {"inertial_number", "strain_end", "windows", "snapshots", "stop_when_steady", "energy_strain"},
-    "shear": {"probe_strain"},
+    "shear": {"probe_strain", "path", "direction", "stiff_cap"},
 }
+LEFT_OUT["probe"] |= LEFT_OUT["shear"] - {"probe_strain"}
 LEFT_OUT["consolidate"] |= LEFT_OUT["probe"]
-#: Defaults that are meant: all grains of a consolidation have the same properties, and it ends without damping.
-MEANT = {"heterogeneity": "specimen", "damping": 0.0}
+#: Defaults that are meant: all grains of a consolidation have the same properties, it ends without damping, and a table
+#: of shear runs names the path only where it is not drained compression.
+MEANT = {"heterogeneity": "specimen", "damping": 0.0, "path": "drained", "direction": "compression", "stiff_cap": 10e6}
 
 
 @pytest.mark.parametrize("preset", ["", "5%", "3%", "2%"])
@@ -240,6 +243,28 @@ def test_no_default_of_the_scripts_applies_to_a_planned_run(preset):
         assert set(defaults) - {"product", *row.values} <= SCRIPTS_ONLY | LEFT_OUT[row.stage], row.stage
     assert set(KEYS) == set(defaults) - SCRIPTS_ONLY - {"product", "assembly", "start", "grains"}
     assert all(key in {f.name for f in fields(SECTIONS[section])} for section, key in KEYS.values())
+
+
+@pytest.mark.parametrize(
+    "keys, given",
+    [
+        ('path = "drained"\ndirection = "compression"', {}),
+        ('path = "constant_p"', {"path": "constant_p"}),
+        ('direction = "extension"', {"direction": "extension"}),
+        ('path = "undrained"\nstiff_cap_MPa = 5', {"path": "undrained", "stiff_cap": 5e6}),
+        ("stiff_cap_MPa = 5", {}),
+    ],
+)
+def test_the_path_is_a_parameter_of_shear_runs_and_changes_only_their_ids(keys, given):
+    drained, other = rows_of(), rows_of(f"[shear]\n{keys}")
+    ids = {row.run_id for row in drained if row.stage != "shear"}
+    assert ids == {row.run_id for row in other if row.stage != "shear"}
+    shear = [row for row in other if row.stage == "shear"]
+    assert all(
+        {k: v for k, v in row.values.items() if k in ("path", "direction", "stiff_cap")} == given for row in shear
+    )
+    same = {row.run_id for row in shear} & {row.run_id for row in drained}
+    assert len(same) == (0 if given else len(shear))
 
 
 def test_without_energy_strain_the_scripts_default_applies_as_the_key_says():

@@ -3,11 +3,13 @@
 import json
 import os
 import sys
+from types import SimpleNamespace
 
 sys.path.insert(0, os.path.abspath(sys.argv[0]).rsplit(os.sep + "tests" + os.sep, 1)[0])
 
 import numpy as np
 
+from yade_scripts.paths import Drained
 from yade_scripts.proofs import is_steady
 
 
@@ -20,7 +22,8 @@ def rows(end=0.40, eta=0.7, drift_eta=0.0, drift_e=0.0, scatter=0.0):
         axial = 100e3 * (3 + 2 * now) / (3 - now)
         out.append({"eps_a": strain, "e": 0.6 * (1 + drift_e * (strain - end) / 0.1),
                     "sigma": np.diag([100e3, 100e3, axial])})  # fmt: skip
-    return out
+    path = SimpleNamespace(steady=Drained.steady)
+    return SimpleNamespace(rows=out, path=path, strain=lambda row: row["eps_a"])
 
 
 cases = {

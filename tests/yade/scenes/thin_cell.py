@@ -11,13 +11,14 @@ import numpy as np
 
 from analysis.assembly import Assembly
 from yade_scripts import rve
+from yade_scripts.paths import Drained
 from yade_scripts.rve import O, ProofError
 from yade_scripts.thin_cell import Advance, span
 
 EDGE, RADIUS = 1.0, (0.12, 0.06)  # m: so large that the controller's metres do not blur where it stops
 p = SimpleNamespace(G_p=1e6, stiffness_scale=1.0, nu=0.2, rho=2670.0, mu_iso=0.1, mu_s=0.1, density_scaling=0,
                     timestep_factor=1.0, servo_damping=0.8, servo_mass=0.005, damping=0.0, d50=0.2, sigma_3=1e3,
-                    inertial_number=2e-3, strain_end=1.0)  # fmt: skip
+                    inertial_number=2e-3, strain_end=1.0, direction="compression")  # fmt: skip
 
 
 def build(edge=EDGE):
@@ -26,7 +27,7 @@ def build(edge=EDGE):
     rve.build(Assembly(position, np.array(RADIUS), np.full(3, edge)), p)
     O.dt = 1e-4
     O.run(1, True)
-    rve.servo_triaxial(p, 2.0)
+    Drained(SimpleNamespace(**vars(p) | {"strain_end": 2.0})).start()
     servo = rve.engine("servo")
     servo.stressMask, servo.goal = 0, (0, 0, -2.0)
     servo.maxStrainRate = (0.1, 0.1, 10.0)
@@ -49,16 +50,18 @@ found = {"stopped": edge / max(servo.maxBodySpan), "span": max(servo.maxBodySpan
          "box": 2 * (RADIUS[0] + 0.05 * RADIUS[1])}  # fmt: skip
 
 build()
-advance = Advance(p, 0.0)
+advance = Advance(p, Drained(p), 0.0)
 found["refused at once"] = said(advance.check_end)
 advance.p = SimpleNamespace(**vars(p) | {"strain_end": 0.3})
 found["short enough"] = said(advance.check_end)
 
 build(0.99 * 2.1 * before + 0.0055)  # m: 0.6 mm above the limit, less than a step of 1 mm
-found["at the limit"] = said(lambda: Advance(p, 0.3).check(0.3))
+moving = Drained(p)
+moving.rate = 10.0  # as the servo of `build`
+found["at the limit"] = said(lambda: Advance(p, moving, 0.3).check(0.3))
 
 build()
-advance = Advance(p, 0.1)
+advance = Advance(p, Drained(p), 0.1)
 advance.steps = 50
 O.run(40, True)
 found["early"] = said(lambda: advance.check(0.1))

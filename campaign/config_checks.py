@@ -1,0 +1,104 @@
+"""Checks of a campaign file that concern several keys or a text with a format of its own, and warnings on settings."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from analysis.errors_and_files import GrainScatterError
+from analysis.quantities import CRITICAL_BLOCK, CRITICAL_FROM
+
+if TYPE_CHECKING:
+    from campaign.config import Config
+
+#: Number of spheres below which an undrained test says little about p'.
+FEW_UNDRAINED = 1000
+
+
+class ConfigError(GrainScatterError):
+    """A campaign file cannot be used; the text names the file, the key, the value and the limit."""
+
+
+def check_together(config: Config, file: str) -> None:
+    """Check limits that concern several keys, and texts with a format of their own."""
+    lists = {"assembly.packings": config.assembly.packings, "consolidation.mu_iso": config.consolidation.mu_iso}
+    for full, values in lists.items():
+        if not values:
+            raise ConfigError(f"{file}: {full} is empty; at least one value is needed")
+        names = [f"{value:g}" if isinstance(value, float) else str(value) for value in values]  # groups in results.h5
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise ConfigError(
+                f"{file}: {full} = {list(values)} names a value twice: {twice[0]} in the six digits that name it"
+            )
+    strains = config.shear.snapshots
+    written = [float(f"{strain:g}") for strain in strains]  # in the tables of runs
+    if any(b <= a for a, b in zip(written, written[1:], strict=False)):
+        raise ConfigError(f"{file}: shear.snapshots = {list(strains)} must increase in their first six digits")
+    if strains and strains[-1] > config.shear.strain_end:
+        raise ConfigError(
+            f"{file}: shear.snapshots has {strains[-1]:g}, beyond strain_end = {config.shear.strain_end:g}"
+        )
+    shear, scale = config.shear, config.dem.stiffness_scale
+    if shear.path != "drained" and scale != 1.0:
+        raise ConfigError(
+            f"{file}: dem.stiffness_scale = {scale:g} with shear.path = {shear.path!r}: only 1 is possible, because "
+            "softer grains change the void ratio that belongs to a mean stress"
+        )
+    if shear.stiff_cap_MPa * 1e3 <= config.consolidation.sigma_3_kPa:
+        raise ConfigError(
+            f"{file}: shear.stiff_cap_MPa = {shear.stiff_cap_MPa:g} must exceed consolidation.sigma_3_kPa = "
+            f"{config.consolidation.sigma_3_kPa:g}"
+        )
+    if config.pdem.stop_when:
+        try:
+            parse_share(config.pdem.stop_when)
+        except ConfigError as error:
+            raise ConfigError(f"{file}: pdem.stop_when = {error}") from None
+    slurm = config.run.slurm
+    if not re.fullmatch(r"[\w.,@+-]*", slurm.partition):
+        raise ConfigError(f"{file}: run.slurm.partition = {slurm.partition!r} is no name of a partition")
+    for option in slurm.options:
+        if not re.fullmatch(r"-[\w-].*", option) or not option.isprintable():
+            raise ConfigError(
+                f"{file}: run.slurm.options = {option!r} must be one option in one line, such as '--qos=low'"
+            )
+    if not re.fullmatch(r"([0-9]+-)?[0-9]+(:[0-9][0-9]){0,2}", config.run.slurm.time):
+        raise ConfigError(f"{file}: run.slurm.time = {config.run.slurm.time!r} is no SLURM time such as '24:00:00'")
+    if not re.fullmatch(r"[0-9]+[KMGT]?", config.run.slurm.memory):
+        raise ConfigError(f"{file}: run.slurm.memory = {config.run.slurm.memory!r} is no SLURM size such as '2G'")
+
+
+def parse_share(text: str) -> float:
+    """Return 0.05 for "5%" or "0.05". Raises ConfigError if the text states no share between 0 and 1.
+
+    The stopping rule of the analysis has a function of its own for this, so that neither side imports the other; a test
+    compares the two.
+    """
+    number = text.strip()
+    try:
+        share = float(number.removesuffix("%")) / (100 if number.endswith("%") else 1)
+    except ValueError:
+        share = float("nan")
+    if not 0 < share < 1:
+        raise ConfigError(f"{text!r} must be a share such as '5%' or '0.05'")
+    return share
+
+
+def scatter_of_pressure(N: int) -> str:
+    """Return what the scatter of packings of N spheres means for p' of an undrained test, in words."""
+    return "packings of so few spheres scatter in void ratio"
+
+
+def settings_warnings(config: Config) -> list[str]:
+    """Return warnings about settings that are possible but may not give what is expected."""
+    shear, warnings = config.shear, []
+    if shear.strain_end < CRITICAL_FROM + CRITICAL_BLOCK:
+        warnings.append(
+            f"shear.strain_end = {shear.strain_end:g}: critical states are judged between strains {CRITICAL_FROM:g} "
+            f"and strain_end, at least {CRITICAL_FROM + CRITICAL_BLOCK:g}; none will be given"
+        )
+    if shear.path == "undrained" and (N := config.assembly.N) < FEW_UNDRAINED:
+        warnings.append(
+            f'assembly.N = {N} with shear.path = "undrained": {scatter_of_pressure(N)}; use N >= {FEW_UNDRAINED}'
+        )
+    return warnings
