@@ -1,4 +1,4 @@
-"""The paths of a shear test in a real YADE: what each holds, how it ends, that a killed run goes on, what is refused."""
+"""The paths of a shear test in a real YADE: what each holds, how it ends, how a killed run goes on, its refusals."""
 
 import h5py
 import numpy as np
