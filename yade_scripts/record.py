@@ -105,7 +105,7 @@ class Windows:
         error = self.path.error(sample)
         for key in _SAMPLED:
             self.sums[key] = self.sums[key] + sample[key]
-        self.sums["servo_mean"] += error
+        self.sums["servo_mean"] += self.path.mean_error(sample)
         self.servo_max = max(self.servo_max, abs(error))
         self.count += 1
         if self.rows and self.strain(sample) >= self.edges[len(self.rows) - 1]:
