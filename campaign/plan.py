@@ -43,6 +43,12 @@ CONSOLIDATION_STEPS, PROBE_STEPS, SHEAR_STEPS = 1350.0, 150.0, 8.0
 STEP_FACTOR = 0.8
 #: How much larger the time step is with `dem.density_scaling` (shear runs at N = 1,000: 1.80 to 1.85).
 BALANCED_STEP = 1.85
+#: Steps of a test that holds p', and of a drained extension, over those of drained compression (tests/benchmarks/
+#: bench_paths.py: 1.10 to 1.11, and 1.17 to 1.18).
+CONSTANT_P_STEPS, EXTENSION_STEPS = 1.1, 1.17
+#: Strain of a drained test with as many steps as an undrained one has on average, by mu_iso: it ends early, and its
+#: rate and its time step follow p' (24 runs of 400 spheres at mu_iso = 0.001, 0.04 and 0.1: 0.023, 0.063 and 0.057).
+UNDRAINED_STRAIN = ((0.001, 0.023), (0.04, 0.06))
 
 #: Random variables that give each point grains of its own, and those with which it consolidates by itself.
 OWN_GRAINS = {"sigma_ln", "d50"}
@@ -231,14 +237,26 @@ def predicted_steps(stage: str, values: dict[str, Any]) -> float:
 
         steps = C (G_p / sigma_3)^(1/3) / (timestep_factor / STEP_FACTOR)
 
-    with C = CONSOLIDATION_STEPS, PROBE_STEPS, or SHEAR_STEPS times strain over inertial number.
+    with C = CONSOLIDATION_STEPS, PROBE_STEPS, or SHEAR_STEPS times strain over inertial number; the strain is that of a
+    drained compression with as many steps (`equivalent_strain`).
     """
     stiff = (values["G_p"] * values["stiffness_scale"] / values["sigma_3"]) ** (1.0 / 3.0)
     step = values["timestep_factor"] / STEP_FACTOR * (BALANCED_STEP if values["density_scaling"] else 1.0)
     if stage == "shear":
         rate = effective_inertial_number(values["inertial_number"], values["mu_s"])
-        return SHEAR_STEPS * values["strain_end"] / rate * stiff / step
+        return SHEAR_STEPS * equivalent_strain(values) / rate * stiff / step
     return {"consolidate": CONSOLIDATION_STEPS, "probe": PROBE_STEPS}[stage] * stiff / step
+
+
+def equivalent_strain(values: dict[str, Any]) -> float:
+    """Return the strain of a drained compression that has as many steps as a shear run with these parameters."""
+    strain, path, extends = values["strain_end"], values.get("path", "drained"), "direction" in values
+    if path == "undrained":
+        mu_iso = values.get("mu_iso", UNDRAINED_STRAIN[-1][0])
+        (low, dense), (high, medium) = UNDRAINED_STRAIN
+        part = min(max((mu_iso - low) / (high - low), 0.0), 1.0)
+        return min(strain, dense + part * (medium - dense))
+    return strain * (CONSTANT_P_STEPS if path == "constant_p" else EXTENSION_STEPS if extends else 1.0)
 
 
 def predicted_seconds(stage: str, particle_steps: float) -> float:

@@ -267,6 +267,23 @@ def test_the_path_is_a_parameter_of_shear_runs_and_changes_only_their_ids(keys, 
     assert len(same) == (0 if given else len(shear))
 
 
+@pytest.mark.parametrize(
+    "keys, measured",
+    [
+        # Steps over those of drained compression; 0.30 strain, mu_iso 0.001 and 0.1 (undrained: campaign of 24 runs).
+        ('path = "constant_p"', (1.10, 1.10)),
+        ('direction = "extension"', (1.17, 1.17)),
+        ('path = "undrained"', (0.078, 0.19)),
+    ],
+)
+def test_steps_of_every_path_are_predicted_as_measured(keys, measured):
+    end = "strain_end = 0.3"
+    drained, other = ({row.mu_iso: row.steps for row in rows_of(text) if row.stage == "shear"}
+                      for text in (f"[shear]\n{end}", f"[shear]\n{end}\n{keys}"))  # fmt: skip
+    for mu_iso, ratio in zip((0.001, 0.1), measured, strict=True):
+        assert other[mu_iso] / drained[mu_iso] == pytest.approx(ratio, rel=0.1)
+
+
 def test_without_energy_strain_the_scripts_default_applies_as_the_key_says():
     """The only default of the scripts that a planned run uses, of which the key's own text states the value."""
     assert all("energy_strain" not in row.values for row in rows_of())
