@@ -18,25 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from analysis.errors_and_files import decoded, digest, shown
 from campaign.config_checks import ConfigError, check_together
-from campaign.config_keys import (
-    COLUMNS,
-    MOST_SEEDS,
-    SECTIONS,
-    SEEDS,
-    Assembly,
-    Consolidation,
-    Dem,
-    Failures,
-    Families,
-    Inputs,
-    Material,
-    Pdem,
-    Points,
-    Probe,
-    Run,
-    Shear,
-    Slurm,
-)
+from campaign.config_keys import COLUMNS, MOST_SEEDS, SECTIONS, SEEDS, Settings, Slurm
 from campaign.config_variables import SECTIONS_STATED, VariablesError, read_variables
 from campaign.scope import out_of_scope
 
@@ -61,26 +43,13 @@ FORMER = {
 
 
 @dataclass(frozen=True)
-class Config:
+class Config(Settings):
     """The settings of a campaign; `text` is the TOML text, `source` the path of the file.
 
     `variables` and `dependence` are the sections of these names as they stand in the file (`config_variables`).
     `curve` is the grading curve of `assembly.sieve`, None without; with a curve, `assembly.d50_mm` is its D50.
     """
 
-    name: str
-    inputs: Inputs
-    points: Points
-    assembly: Assembly
-    material: Material
-    consolidation: Consolidation
-    shear: Shear
-    probe: Probe
-    dem: Dem
-    families: Families
-    failures: Failures
-    pdem: Pdem
-    run: Run
     variables: dict[str, Any] = field(default_factory=dict)
     dependence: dict[str, Any] = field(default_factory=dict)
     text: str = ""

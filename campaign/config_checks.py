@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
 
 from analysis.errors_and_files import GrainScatterError
 from analysis.quantities import CRITICAL_BLOCK, CRITICAL_FROM
-
-if TYPE_CHECKING:
-    from campaign.config import Config
+from campaign.config_keys import Settings
 
 #: Number of spheres below which an undrained test says little about p'.
 FEW_UNDRAINED = 1000
@@ -19,7 +16,7 @@ class ConfigError(GrainScatterError):
     """A campaign file cannot be used; the text names the file, the key, the value and the limit."""
 
 
-def check_together(config: Config, file: str) -> None:
+def check_together(config: Settings, file: str) -> None:
     """Check limits that concern several keys, and texts with a format of their own."""
     lists = {"assembly.packings": config.assembly.packings, "consolidation.mu_iso": config.consolidation.mu_iso}
     for full, values in lists.items():
@@ -89,7 +86,7 @@ def scatter_of_pressure(N: int) -> str:
     return "packings of so few spheres scatter in void ratio"
 
 
-def settings_warnings(config: Config) -> list[str]:
+def settings_warnings(config: Settings) -> list[str]:
     """Return warnings about settings that are possible but may not give what is expected."""
     shear, warnings = config.shear, []
     if shear.strain_end < CRITICAL_FROM + CRITICAL_BLOCK:

@@ -200,3 +200,22 @@ SECTIONS = {
     "inputs": Inputs, "points": Points, "assembly": Assembly, "material": Material, "consolidation": Consolidation,
     "shear": Shear, "probe": Probe, "dem": Dem, "families": Families, "failures": Failures, "pdem": Pdem, "run": Run,
 }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The name of a campaign and all sections of its file."""
+
+    name: str
+    inputs: Inputs
+    points: Points
+    assembly: Assembly
+    material: Material
+    consolidation: Consolidation
+    shear: Shear
+    probe: Probe
+    dem: Dem
+    families: Families
+    failures: Failures
+    pdem: Pdem
+    run: Run
