@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 
 @dataclass(frozen=True)
@@ -120,8 +120,8 @@ RECORD = _table(
     Quantity("E_friction", "Frictional dissipation", "J", "since the start of shear"),
     Quantity("E_damping", "Damping dissipation", "J", "numerical damping, since the start of shear"),
     Quantity("W_boundary", "Boundary work", "J", "V sigma_ij d eps_ij summed since the start of shear"),
-    Quantity("servo_mean", "Mean servo error", "1", "window mean of the lateral stress over its target, minus one"),
-    Quantity("servo_max", "Largest servo error", "1", "largest |lateral stress / target - 1| of the window's samples"),
+    Quantity("servo_mean", "Mean servo error", "1", "window mean of what the test holds over its target, minus one"),
+    Quantity("servo_max", "Largest servo error", "1", "largest |held / target - 1| of the window's samples"),
 )
 
 #: Responses: derived at every strain and propagated by PDEM.
@@ -165,10 +165,76 @@ SCALARS = _table(
     ),
 )
 
-QUANTITIES: dict[str, Quantity] = {**INPUTS, **RECORD, **RESPONSES, **SCALARS}
+#: What only undrained tests have.  Their total lateral stress is constant: it is sigma_3 at the start.
+UNDRAINED = _table(
+    Quantity("u", "Excess pore pressure", "Pa", "sigma_3 minus the effective lateral stress", tex="u", **_kPa),
+    Quantity("r_u", "Pore pressure ratio", "1", "u / sigma_3", tex="r_u"),
+    Quantity("s_u", "Undrained strength", "Pa", "|q| / 2 at 10 % axial strain", tex="s_u", **_kPa),
+    Quantity("eps_pt", "Axial strain at phase transformation", "1", "where the smoothed p' is smallest",
+             tex=r"\varepsilon_{a,pt}", **_pct),
+)  # fmt: skip
 
-#: The stages of a run that have states, and the states of each.
-STAGE_STATES = {"shear": ("initial", "peak", "critical"), "probe": ("probe",)}
+QUANTITIES: dict[str, Quantity] = {**INPUTS, **RECORD, **RESPONSES, **SCALARS, **UNDRAINED}
+
+#: What a shear test holds: sigma_3 on the sides, p', or the volume.
+PATHS = ("drained", "constant_p", "undrained")
+DIRECTIONS = ("compression", "extension")
+#: Ends of an undrained test before its strain: p' fell for good below 5 % of its start, or rose above a cap.
+EARLY_ENDS = ("liquefied", "stiff")
+
+
+class Loading(NamedTuple):
+    """The test that was made: what is held, and whether the axis shortens or lengthens."""
+
+    path: str = "drained"
+    direction: str = "compression"
+
+    @property
+    def sign(self) -> float:
+        """1 in compression and -1 in extension: the sign of axial strain, q and eta."""
+        return 1.0 if self.direction == "compression" else -1.0
+
+    @property
+    def is_undrained(self) -> bool:
+        """Whether the volume is held."""
+        return self.path == "undrained"
+
+    @property
+    def steady(self) -> dict[str, float]:
+        """What must be steady at a critical state: symbol -> largest relative drift."""
+        return {"eta": 0.05, "p": 0.05} if self.is_undrained else {"eta": 0.05, "e": 0.01}
+
+    @property
+    def words(self) -> str:
+        """Name of the test, such as "undrained triaxial extension"."""
+        path = {"constant_p": "constant-p' triaxial", "undrained": "undrained triaxial"}.get(
+            self.path, "drained triaxial"
+        )
+        return f"{path} {self.direction}"
+
+    @property
+    def strain_label(self) -> str:
+        """Axis label of the axial strain, which is shown positive in both directions."""
+        label = QUANTITIES["eps_a"].label
+        return label if self.sign > 0 else label.replace("Axial strain", "Axial extension")
+
+
+#: The usual test, which files without a word of it have.
+DRAINED = Loading()
+
+
+def responses_of(path: str) -> dict[str, Quantity]:
+    """The responses along strain of a path: symbol -> quantity."""
+    if path != "undrained":
+        return RESPONSES
+    stresses = {symbol: {**SCALARS, **UNDRAINED}[symbol] for symbol in ("p", "q", "u", "r_u")}
+    return {"eta": RESPONSES["eta"], **stresses, **{s: r for s, r in RESPONSES.items() if s not in ("eta", "eps_v")}}
+
+
+#: The stages of a run that have states, and the states of each; the last two of shear are those of undrained tests.
+STAGE_STATES = {"shear": ("initial", "peak", "critical", "transformation", "strength"), "probe": ("probe",)}
+#: Axial strain at which the undrained strength is taken.
+STRENGTH_STRAIN = 0.10
 
 #: Quantities of the packing at the end of consolidation.
 CONSOLIDATED = ("e", "e_m", "Z", "Z_m")

@@ -153,7 +153,7 @@ def _with_curve(config: Config, given: Mapping[str, Any]) -> Config:
 
 def _accuracy(table: dict, file: str) -> dict:
     """The keys by section that `dem.accuracy` stands for; keys of the campaign file take precedence."""
-    dem = _fill(Dem, table.get("dem", {}), file, "dem")
+    dem = _fill(SECTIONS["dem"], table.get("dem", {}), file, "dem")
     if not dem.accuracy:
         return {}
     return tomllib.loads((ROOT / "campaign" / "accuracy.toml").read_text(encoding="utf-8"))[dem.accuracy]

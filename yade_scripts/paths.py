@@ -28,6 +28,7 @@ class Drained:
     """sigma_3 is held on x and y."""
 
     held, window_limit, sample_limit = "sigma_3 / target", 0.01, 0.05
+    fewest = 0  # spheres below which the limit of a sample grows with 1 / sqrt(N)
     #: Energy that the integration itself makes, over the work put in: grows with step and rate.
     energy_limit = 0.10
     #: Which quantities must be steady at a critical state, and the drift of each that is allowed.
@@ -62,6 +63,10 @@ class Drained:
     def error(self, sample: dict) -> float:
         """Relative error of what is held in a sample."""
         return 0.5 * (sample["sigma"][0, 0] + sample["sigma"][1, 1]) / self.p.sigma_3 - 1.0
+
+    def largest_error(self) -> float:
+        """Limit of the relative error of a sample."""
+        return self.sample_limit * max(1.0, math.sqrt(self.fewest / len(O.bodies)))
 
     def follow(self, sample: dict) -> None:
         """After each sample: trim what is held, and let the rate follow p'."""
@@ -112,21 +117,16 @@ class ConstantP(Drained):
     """p' is held: both lateral goals are (3 p' - sigma_z) / 2, with the axial stress filtered over some 17 steps.
 
     Grains that slip let p' fluctuate: the largest sample of 500 rough grains was off by 2 to 3.3 % (drained: sigma_3 by
-    1.6 %).  The mean of a window is therefore taken over all goals, and the limit of a sample is SAMPLE_LIMIT for
-    FEWEST spheres or more, and grows with 1 / sqrt(N) for fewer.
+    1.6 %).  The mean of a window is therefore taken over all goals, and the limit of a sample is larger for few spheres.
     """
 
-    held, window_limit = "p' / target", 0.002
-    FEWEST, SAMPLE_LIMIT = 2000, 0.02
+    held, window_limit, sample_limit = "p' / target", 0.002, 0.02
+    fewest = 2000
 
     def __init__(self, p):
         super().__init__(p)
         self.pressure, self.axial = p.sigma_3, p.sigma_3  # goal of p', filtered axial stress
         self.sum, self.count, self.mean = 0.0, 0, p.sigma_3  # of p' since the last sample; mean before that
-
-    @property
-    def sample_limit(self) -> float:
-        return self.SAMPLE_LIMIT * max(1.0, math.sqrt(self.FEWEST / len(O.bodies)))
 
     def go_on(self) -> None:
         rve.every(GOAL_STEPS, self._aim, label="hold")

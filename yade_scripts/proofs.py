@@ -59,7 +59,7 @@ def shear_proofs(p, windows) -> dict[str, float]:
     if end > SERVO_FROM:
         mean, largest, hint = figures["servo_mean_error"], figures["servo_max_error"], advice(p)
         _limit(f"servo: |mean {path.held} - 1| of a window", mean, path.window_limit, end, hint)
-        _limit(f"servo: |{path.held} - 1| of a sample", largest, path.sample_limit, end, hint)
+        _limit(f"servo: |{path.held} - 1| of a sample", largest, path.largest_error(), end, hint)
     _limit(ENERGY, energy_error, path.energy_limit, energy_strain)
     return figures
 

@@ -1,4 +1,5 @@
-"""All figures of a campaign, from its results and frames; 2 to 15 are named after the paper's.
+"""All figures of a campaign, from its results and frames; 2 to 15 are named after the paper's, 17 to 19 are those of
+undrained tests.
 
 Rule: `Results` and frames to matplotlib figures, without pyplot; no table is computed here.  `panels` are parts that
 figures share, `plots` the single plots for a script or a notebook.
@@ -13,7 +14,18 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from ..results.reader import Results, read_results
-from . import friction, input_grid, inputs, joint, stiffness, stress_ratio, style, void_ratio_fabric
+from . import (
+    critical_line,
+    friction,
+    input_grid,
+    inputs,
+    joint,
+    stiffness,
+    stress_ratio,
+    style,
+    undrained,
+    void_ratio_fabric,
+)
 
 Frames = Mapping[str, pd.DataFrame]
 Draw = Callable[[Results, Frames], Figure]
@@ -46,12 +58,22 @@ FIGURES: dict[str, Draw] = {
     "fig14_joint_eta_e": _of_results(joint.eta_void_ratios),
     "fig15_joint_eta_Z": _of_results(joint.eta_coordination),
     "fig16_friction": lambda results, frames: friction.along(results, frames["friction_curves"]),
+    "fig17_stress_path": _of_results(undrained.stress_path),
+    "fig18_pore_pressure": _of_results(undrained.pore_pressure),
+    "fig19_critical_line": lambda results, frames: critical_line.critical_line(
+        frames["critical_points"], frames["critical_lines"]
+    ),
 }
+#: Figures of undrained tests only, and figures that these have not, because the volume is held.
+UNDRAINED, NOT_UNDRAINED = tuple(name for name in FIGURES if name >= "fig17"), ("fig08_void_ratio",)
 
 
 def drawn(results: Results) -> list[str]:
-    """Names of the figures of a campaign: all, but the one along friction only if friction is random."""
-    return [name for name in FIGURES if name != "fig16_friction" or "mu_s" in results.points.names]
+    """Names of the figures of a campaign: all of its test, but the one along friction only if friction is random."""
+    left_out = {*(NOT_UNDRAINED if results.loading.is_undrained else UNDRAINED)}
+    if "mu_s" not in results.points.names:
+        left_out.add("fig16_friction")
+    return [name for name in FIGURES if name not in left_out]
 
 
 def write_figures(

@@ -14,7 +14,9 @@ from . import style
 
 
 @style.styled
-def responses(frame: pd.DataFrame, symbol: str, names: Sequence[str]) -> Figure:
+def responses(
+    frame: pd.DataFrame, symbol: str, names: Sequence[str], strain_label: str = QUANTITIES["eps_a"].label
+) -> Figure:
     """Mean and one standard deviation of a response along strain, one panel per density, one colour per campaign.
 
     frame: the table `responses` of a comparison; names: all campaigns, so that each keeps its colour.
@@ -31,7 +33,7 @@ def responses(frame: pd.DataFrame, symbol: str, names: Sequence[str]) -> Figure:
             panel.plot(curve["eps_a_pct"], curve["mean"], label=name, **look)
             low, high = curve["mean"] - curve["sd"], curve["mean"] + curve["sd"]
             panel.fill_between(curve["eps_a_pct"], low, high, color=look["color"], alpha=0.15, linewidth=0)
-        panel.set(title=rf"$\mu_{{iso}}$ = {mu_iso:g}", xlabel=QUANTITIES["eps_a"].label)
+        panel.set(title=rf"$\mu_{{iso}}$ = {mu_iso:g}", xlabel=strain_label)
     for panel in panels[len(densities) :]:
         panel.set_visible(False)
     for panel in panels[::columns]:

@@ -11,7 +11,8 @@ from . import panels, style
 
 #: State and quantity of each panel.
 PANELS = (("peak", "eta"), ("critical", "eta"), ("critical", "e"), ("critical", "Z"))
-TITLES = {("peak", "eta"): "peak of every point"}
+UNDRAINED_PANELS = (("transformation", "eta"), ("peak", "eta"), ("critical", "eta"), ("critical", "Z"))
+TITLES = {("peak", "eta"): "peak of every point", ("transformation", "eta"): "phase transformation"}
 
 
 @style.styled
@@ -23,7 +24,8 @@ def along(results: Results, curves: pd.DataFrame) -> Figure:
     densities, points = results.family_densities(), results.family_points()
     markers, looks = style.density_markers(densities), style.density_style(densities)
     figure = style.new_figure(7.2, 5.6, narrow_height=8.4)
-    for axis, letter, (state, symbol) in zip(figure.subplots(*style.grid(2, 2)).flat, "abcd", PANELS, strict=True):
+    shown = UNDRAINED_PANELS if results.loading.is_undrained else PANELS
+    for axis, letter, (state, symbol) in zip(figure.subplots(*style.grid(2, 2)).flat, "abcd", shown, strict=True):
         for mu_iso in (m for m in densities if symbol in results.state_symbols(state, m)):
             values = style.shown(symbol, results.measured(state, symbol, mu_iso))
             axis.plot(style.shown("mu_s", points.mu_s), values, markers[mu_iso], ms=3.5, mfc="none", mew=0.7,

@@ -65,5 +65,9 @@ def _points(axis, results, state, symbol, legend):
         axis.legend(loc="best", fontsize=6.5)
 
 
-eta_void_ratios = partial(joint_figure, symbols=("e", "e_m"))
+def eta_void_ratios(results: Results) -> Figure:
+    """Figure 14: with the void ratio, undrained with p' in its place, and with the mechanical void ratio."""
+    return joint_figure(results, ("p" if results.loading.is_undrained else "e", "e_m"))
+
+
 eta_coordination = partial(joint_figure, symbols=("Z", "Z_m"))

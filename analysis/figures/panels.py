@@ -36,7 +36,8 @@ VISIBLE, THIN = 0.05, 0.7
 
 def top_pdf(response: Response, start: float = 0.02) -> float:
     """PDF value at the end of the colour scale: nine strains in ten stay below it, the narrow start left out."""
-    rows = response.pdf.p[response.strain >= min(start, response.strain[-1])]
+    last = response.strain[response.going][-1]
+    rows = response.pdf.p[(response.strain >= min(start, last)) & response.going]
     return float(np.quantile(rows.max(axis=1), 0.9))
 
 
@@ -58,7 +59,7 @@ def contours(axis: Axes, response: Response, top: float | None = None) -> QuadCo
         style.shown("eps_a", response.strain), style.shown(symbol, response.pdf.x), response.pdf.p.T / factor,
         levels=pdf_levels(top / factor), cmap=CONTOUR_MAP, extend="max",
     )  # fmt: skip
-    axis.set_xlabel(style.label("eps_a"))
+    axis.set_xlabel(response.loading.strain_label)
     return filled
 
 
@@ -204,7 +205,7 @@ def mean_band(axis: Axes, results: Results, symbol: str, family: str = "coupled"
         mean, spread = style.shown(symbol, response.mean), style.shown(symbol, response.std)
         axis.fill_between(strain, mean - 2 * spread, mean + 2 * spread, color=look["color"], alpha=0.13, lw=0)
         axis.plot(strain, mean, **look)
-    axis.set_xlabel(style.label("eps_a"))
+    axis.set_xlabel(results.loading.strain_label)
     axis.set_ylabel(style.label(symbol))
     axis.set_xlim(left=0)
     if legend and style.is_narrow():
@@ -226,7 +227,7 @@ def surface(axis: Axes, response: Response, top: float | None = None, title: str
     x = style.shown(symbol, response.pdf.x)
     columns = np.flatnonzero((x >= low) & (x <= high))
     columns = columns[:: max(1, len(columns) // 110)]
-    rows = np.unique(np.linspace(start, len(response.strain) - 1, 80).astype(int))
+    rows = np.unique(np.linspace(start, np.flatnonzero(response.going)[-1], 80).astype(int))
     height = np.minimum(response.pdf.p[np.ix_(rows, columns)], 1.05 * top) / factor
     strain, value = np.meshgrid(style.shown("eps_a", response.strain[rows]), x[columns], indexing="ij")
     draw_surface(axis, strain, value, height, (style.short_label("eps_a"), style.short_label(symbol)), title)

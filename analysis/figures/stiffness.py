@@ -10,13 +10,18 @@ from . import panels, style
 
 @style.styled
 def stiffness_dilatancy(results: Results) -> Figure:
-    """PDFs of G_0 and of D^p per density, and every point against G_p and mu_s, if these are random."""
+    """PDFs of G_0 and of D^p per density, and every point against G_p and mu_s, if these are random.
+
+    Undrained tests have no D^p.
+    """
     densities = results.family_densities()
     points, markers = results.family_points(), style.density_markers(densities)
-    figure = style.new_figure(7.2, 5.6, narrow_height=8.4)
-    axes = figure.subplots(*style.grid(2, 2)).reshape(2, 2)
-    rows = (("probe", "G_0", "G_p"), ("peak", "D_p", "mu_s"))
-    for (left, right), letters, (state, symbol, cause) in zip(axes, ("ab", "cd"), rows, strict=True):
+    rows = [("probe", "G_0", "G_p"), ("peak", "D_p", "mu_s")]
+    if results.loading.is_undrained:  # at constant volume there is no dilatancy
+        rows = rows[:1]
+    figure = style.new_figure(7.2, 2.8 * len(rows), narrow_height=4.2 * len(rows))
+    axes = figure.subplots(*style.grid(len(rows), 2)).reshape(len(rows), 2)
+    for (left, right), letters, (state, symbol, cause) in zip(axes, ("ab", "cd"), rows, strict=False):
         driver = cause if cause in points.names else points.names[0]
         if symbol not in results.state_symbols(state, densities[0]):
             left.text(0.5, 0.5, f"{style.label(symbol)}: not run", transform=left.transAxes, ha="center")

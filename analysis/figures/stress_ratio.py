@@ -60,11 +60,11 @@ def surfaces(results: Results) -> Figure:
 
 @style.styled
 def peak_and_critical(results: Results) -> Figure:
-    """Figure 7: every point's peak and critical state in stress ratio and void ratio against axial strain."""
+    """Figure 7: every point's peak and critical state in stress ratio and void ratio (undrained: p') against strain."""
     densities = results.family_densities()
     figure = style.new_figure(7.4, 3.9, narrow_height=5.2)
     axes = figure.subplots(*style.grid(1, 2))
-    for axis, symbol, letter in zip(axes, ("eta", "e"), "ab", strict=True):
+    for axis, symbol, letter in zip(axes, ("eta", "p" if results.loading.is_undrained else "e"), "ab", strict=True):
         for mu_iso, look in style.density_style(densities).items():
             response = results.response(symbol, mu_iso)
             strain = style.shown("eps_a", response.strain)
@@ -76,7 +76,7 @@ def peak_and_critical(results: Results) -> Figure:
             critical = style.shown(symbol, results.shown_state("critical", symbol, mu_iso))
             axis.scatter(np.full(len(critical), place), critical, s=16, marker="o", facecolor="none",
                          edgecolor=look["color"], linewidth=0.9, zorder=3)  # fmt: skip
-        axis.set_xlabel(style.label("eps_a"))
+        axis.set_xlabel(results.loading.strain_label)
         axis.set_ylabel(style.label(symbol))
         axis.set_xlim(left=0)
         axis.axvspan(1.02 * strain[-1], axis.get_xlim()[1], color="0.95", zorder=0)

@@ -1,5 +1,4 @@
-"""Captions of the figures, in the order of the page.  "@figure:fig05@" becomes the number of that figure on the "
-"page."""
+"""Captions of the figures, in the order of the page.  "@figure:fig05@" becomes the number of that figure there."""
 
 from __future__ import annotations
 
@@ -38,7 +37,36 @@ CAPTIONS = {
     "as contours with the pairs; (c) the points, with an area in proportion to their probability; (d) twice as many "
     "points; (e) the distribution functions of the points and the exact ones.",
     "fig04": "Grading of the assembly, the same in all runs.",
+    "fig17": "Effective stress paths, on logarithmic axes. Thin lines are the points; the darker the contours, the "
+    "more probability passes there, per decade of either stress. Triangles: phase transformation; circles: critical "
+    "state; crosses and squares: last value of a test that liquefied or became stiff. Red lines: mean stress ratio at "
+    "the critical state and at phase transformation.",
+    "fig18": "(a) Excess pore pressure over the stress at the start: PDFs along strain. (b) Mean effective stress. "
+    "Both are those of the tests that go on; a curve jumps where tests end. (c) Probability that a test has ended by "
+    "then, with its 95 % interval.",
+    "fig19": "Critical states of all points: void ratio against mean effective stress with the fitted line and its "
+    "scatter, which contains the effect of the grain properties, and the stress ratio. A line is there where the mean "
+    "effective stress varies enough.",
 }
+#: Captions of undrained tests that differ.
+UNDRAINED = {
+    "fig07": "Peak (triangles) and critical state (circles, on the right) of every point: stress ratio and mean "
+    "effective stress. The strain of a peak comes from curves that are pooled over the points of a density, and in a "
+    "test that ended early from its own curve. Lines are means of the tests that go on; they jump where tests end.",
+    "fig09": "Mechanical void ratio: PDFs along axial strain of the tests that go on, PDFs at the peak and at the "
+    "critical state, and surfaces. Grains with fewer than two contacts count as voids. Values above the scale of a "
+    "surface are cut off.",
+    "fig10": "Coordination number. Panels as in @figure:fig09@.",
+    "fig11": "Mechanical coordination number: grains with fewer than two contacts are not counted. Panels as in "
+    "@figure:fig09@.",
+    "fig12": "Fabric anisotropy: major minus minor principal value of the fabric tensor. Panels as in @figure:fig09@.",
+    "fig13": "Small-strain stiffness: PDFs on the left, and every point on the right.",
+    "fig14": "Joint PDFs of the critical stress ratio with the mean effective stress and with the mechanical void "
+    "ratio. Kernels make a joint PDF wider than its points; the correlation is that of the points.",
+    "fig16": "Phase transformation, peak and critical state against interparticle friction. Symbols are the points "
+    "that reached the state. Lines are the model of their runs with its 95 % band.",
+}
+GOING_ON = " PDFs along strain are those of the tests that go on."
 #: Figures that the paper has, too, under the number in their name; the others are this project's.
 IN_THE_PAPER = {f"fig{number:02d}" for number in range(2, 16)}
 #: What the paper reads off its figure.
@@ -53,9 +81,10 @@ WITH_PAIRS = ("fig02", "fig03")
 
 def caption(results: Results, name: str, is_papers_test: bool) -> str:
     """The caption of a figure, with the source of the pairs, and the figure of the paper if its test was repeated."""
-    text = input_words.caption_of_inputs(results, name) or CAPTIONS[name]
+    undrained = results.loading.is_undrained
+    text = (UNDRAINED.get(name) if undrained else "") or input_words.caption_of_inputs(results, name) or CAPTIONS[name]
     if name == "fig05":
-        text += input_words.band_note(results)
+        text += input_words.band_note(results) + GOING_ON * undrained
     if name in WITH_PAIRS and len(results.pairs):
         text += f" Pairs: {results.inputs.get('source') or 'without a name'}."
     if is_papers_test and name in IN_THE_PAPER:

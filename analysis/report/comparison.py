@@ -10,21 +10,29 @@ import pandas as pd
 from ..errors_and_files import atomic_write
 from ..figures import comparison as figures
 from ..figures import style
-from ..quantities import QUANTITIES
+from ..figures.critical_line import critical_line
+from ..quantities import QUANTITIES, Loading
 from ..results.reader import read_results
-from ..tables.comparison import Comparison, comparison, comparison_tables, shared_packings
+from ..tables.comparison import Comparison, comparison, comparison_tables, predicted_extension, shared_packings
 from ..tables.registry import without_formulas
+from ..tables.strength import EXTENSION
 from . import page
 from .headings import quantity_words
+from .numbers import critical_line_table
 
 PAGE = "compare.html"
 TITLE = "Comparison of campaigns"
+#: Tables that are written only if they have rows.
+OPTIONAL = ("critical_points", "critical_lines", "critical_offsets", "directions")
 #: Heading of each column on the page.
 WORDS = {
     "campaign": "campaign", "mu_iso": "mu_iso", "kind": "kind", "packings": "packings",
     "state": "state", "number": "number", "reference": "reference",
     "value": "this campaign", "interval": "difference (95 % interval)", "excludes_zero": "interval excludes zero",
     "q05": "5 % quantile", "q50": "median", "q95": "95 % quantile", "mean": "mean", "sd": "standard deviation",
+    "offset": "mean distance in e", "points": "points", "fitted_to": "line through", "scatter": "scatter of the points",
+    "scatter_of_line": "scatter about the line", "direction": "test", "compression": "compression",
+    "extension": "extension", "eta_compression": "eta in compression", "eta_extension": "eta in extension",
     "what": "what", "reason": "reason", "setting": "setting", "quantity": "quantity",
 }  # fmt: skip
 
@@ -39,15 +47,21 @@ def write_comparison(paths: Sequence[str | Path], folder: str | Path) -> Path:
     for name in ("tables", "figures"):
         (folder / name).mkdir(parents=True, exist_ok=True)
     for name, frame in tables.items():
+        if name in OPTIONAL and not len(frame):
+            continue
         with atomic_write(folder / "tables" / f"{name}.csv") as part:
             without_formulas(frame).to_csv(part, index=False, float_format="%.6g")
     pictures = {}
     for symbol in of.symbols:
-        figure = figures.responses(tables["responses"], symbol, of.names)
+        figure = figures.responses(tables["responses"], symbol, of.names, of.strain_label)
         pictures[symbol] = style.save(figure, folder / "figures" / f"compare_{symbol}.png", ", ".join(of.names))
     if len(tables["differences"]):
         figure = figures.differences(tables["differences"], of.names)
         pictures["differences"] = style.save(figure, folder / "figures" / "compare_differences.png")
+    points, lines = tables["critical_points"], tables["critical_lines"]
+    if len(points):
+        figure = critical_line(points, lines, predicted_extension(tables["directions"]))
+        pictures["critical_line"] = style.save(figure, folder / "figures" / "compare_critical_line.png")
     path = folder / PAGE
     with atomic_write(path) as part:
         part.write_text(page.page(TITLE, _head(of, tables), list(_sections(of, tables, pictures))), encoding="utf-8")
@@ -81,6 +95,7 @@ def _parts(
         )
     else:
         yield "Differences", page.paragraph("No state of two campaigns can be compared; the last section says why.")
+    yield from _critical(tables, pictures)
     shown = [symbol for symbol in of.symbols if symbol in pictures]
     caption = "{} along axial strain: mean of the points (line) and one standard deviation to either side (band)."
     yield (
@@ -95,6 +110,40 @@ def _parts(
         "What is not compared",
         _table(left_out, "left_out", "What is not compared, and why") if len(left_out) else nothing,
     )
+
+
+def _critical(tables: Mapping[str, pd.DataFrame], pictures: Mapping[str, Path]) -> Iterator[tuple[str, str]]:
+    """Critical state line and directions, if the campaigns have them."""
+    if "critical_line" not in pictures:
+        return
+    caption = (
+        "Critical states of all points: void ratio against mean effective stress, with fitted lines and their scatter, "
+        "and stress ratio by direction. Open symbols: compression; full ones: extension."
+    )
+    parts = [page.figure(pictures["critical_line"], "critical_line", caption)]
+    if len(tables["critical_lines"]):
+        parts.append(critical_line_table(tables["critical_lines"]))
+    offsets = tables["critical_offsets"]
+    if len(offsets):
+        signs = [f"{v:+.4f}" for v in offsets["offset"]]
+        shown = offsets.drop(columns="path").assign(offset=signs, direction=[
+            Loading(*test).words for test in zip(offsets["path"], offsets["direction"], strict=True)
+        ])  # fmt: skip
+        words = "Mean distance in e from the line, and its scatter over the points, beside the scatter about the line"
+        parts.append(_table(shown, "critical_offsets", words))
+    yield "Critical state line", "".join(parts)
+    frame = tables["directions"]
+    if len(frame):
+        surfaces = [name for name in EXTENSION if name in frame]
+        text = (
+            "Compression gives a stress ratio in extension by a surface of constant strength. Prediction and "
+            "difference of the extension campaign from it, in magnitude; the Lode angle is 30° in compression, −30° in "
+            "extension."
+        )
+        heads = {f"{name}_difference_pct": f"Difference from {name} (%)" for name in surfaces}
+        heads |= {name: f"Extension by {name}" for name in surfaces}
+        html = page.table(frame, "directions", "Extension beside compression.", stack=True, headings=WORDS | heads)
+        yield "Compression and extension", page.paragraph(text) + html
 
 
 def _summary(of: Comparison, differences: pd.DataFrame) -> Iterator[str]:

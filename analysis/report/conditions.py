@@ -9,10 +9,10 @@ from typing import Any
 
 import pandas as pd
 
-from ..quantities import FULL_RATE, FULL_RATE_FRICTION
+from ..quantities import DRAINED, FULL_RATE, FULL_RATE_FRICTION
 from ..results.reader import Results
 from ..tables import published
-from . import input_words, page
+from . import input_words, loading_words, page
 
 Frames = Mapping[str, pd.DataFrame]
 #: Largest relative difference of the marginals' medians and widths from the paper's Table 1, and of Kendall's tau from
@@ -31,11 +31,12 @@ def tested(results: Results, frames: Frames) -> list[str]:
     if "sigma_3" in results.points.names:
         stress = ", random from specimen to specimen,"
     same = "pair" if input_words.is_pair_of_friction_and_modulus(results) else "properties"
-    strain = end_strain(results)
+    strain, loading = end_strain(results), results.loading
     test = (
         f"Each specimen has {size}, all with the same {same}. It is simulated by the discrete element method (DEM): "
-        f"isotropic consolidation, then drained triaxial compression at a constant confining stress{stress} to "
-        f"{100 * strain:.3g} % axial strain (logarithmic, which is {-100 * math.expm1(-strain):.2g} % of the height)."
+        f"isotropic consolidation, then {loading_words.made(loading, stress)} to "
+        f"{100 * strain:.3g} % axial strain (logarithmic, which is "
+        f"{loading.sign * -100 * math.expm1(-loading.sign * strain):.2g} % of the height)."
     )
     frictions = page.listed([f"{mu_iso:g}" for mu_iso in names])
     if len(names) == 1:
@@ -45,7 +46,7 @@ def tested(results: Results, frames: Frames) -> list[str]:
             f"There are {len(names)} densities, {page.listed(list(names.values()))}: the interparticle friction during "
             f"consolidation is mu_iso = {frictions}."
         )
-    return [inputs, f"{test} {densities}", *_filled(results, int(facts["filled"]))]
+    return [inputs, f"{test} {densities}", *loading_words.further(results), *_filled(results, int(facts["filled"]))]
 
 
 def _grading(results: Results) -> str:
@@ -85,7 +86,8 @@ def paper_differences(results: Results) -> list[str]:
     settings = results.attrs["settings"]
     known = {mu_iso for _, mu_iso in published.INITIAL_STATE}
     others = [f"{mu_iso:g}" for mu_iso in results.family_densities() if mu_iso not in known]
-    differences = [f"other densities (mu_iso = {page.listed(others)})"] if others else []
+    differences = [] if results.loading == DRAINED else [f"another test ({results.loading.words})"]
+    differences += [f"other densities (mu_iso = {page.listed(others)})"] if others else []
     if settings:
         differences += _other_settings(settings, results.points.names)
     if not input_words.is_pair_of_friction_and_modulus(results):

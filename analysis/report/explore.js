@@ -53,6 +53,7 @@ function meanExcess(x, p, from, indices) {
 
 // Values and logarithms of the tail probability at the points and at the ends of the exponential tails.
 function tailCurve({x, p}) {
+  if (!x.length) return {x: [NaN], tail: [NaN]}; // no test goes on
   const n = x.length, count = Math.min(OUTERMOST, n - 1);
   let scales = [0, 0];
   if (count > 0) {
@@ -83,6 +84,7 @@ function exceedance(curve, threshold) {
 }
 
 function moments({x, p}) {
+  if (!x.length) return [NaN, NaN];
   const mean = x.reduce((sum, v, k) => sum + p[k] * v, 0);
   const variance = x.reduce((sum, v, k) => sum + p[k] * (v - mean) ** 2, 0);
   return [mean, Math.sqrt(Math.max(variance, 0))];
@@ -153,11 +155,11 @@ function drawAlong() {
   const T = data.strain.length, mean = [], low = [], high = [], traces = [];
   for (let k = 0; k < T; k++) {
     const [m, s] = moments(sorted(row(chosen.response.values, k, chosen.count), chosen.set.probability));
-    mean.push(m); low.push(m - s); high.push(m + s);
+    mean.push(gap(m)); low.push(gap(m - s)); high.push(gap(m + s));
   }
   const x = [], y = [];
   for (let q = 0; q < chosen.count; q++) {
-    for (let k = 0; k < T; k++) { x.push(data.strain[k]); y.push(row(chosen.response.values, k, chosen.count)[q]); }
+    for (let k = 0; k < T; k++) { x.push(data.strain[k]); y.push(gap(row(chosen.response.values, k, chosen.count)[q])); }
     x.push(null); y.push(null);
   }
   traces.push({x, y, mode: "lines", line: {color: SOFT, width: 0.5}, opacity: 0.5, hoverinfo: "skip"});
@@ -166,8 +168,10 @@ function drawAlong() {
   traces.push({x: data.strain, y: mean, mode: "lines", line: {color: INK, width: 2.5}, hoverinfo: "x+y"});
   traces.push(pointsAtStrain());
   Plotly.react("along", traces, {...LOOK, title: title("Points, mean, one standard deviation"),
-    xaxis: {title: "Axial strain (%)"}, yaxis: {title: label(chosen.symbol)}, shapes: [strainLine()]}, OPTIONS);
+    xaxis: {title: `${data.axial} (%)`}, yaxis: {title: label(chosen.symbol)}, shapes: [strainLine()]}, OPTIONS);
 }
+
+function gap(value) { return Number.isFinite(value) ? value : null; }
 
 function pointsAtStrain() {
   return {x: Array(chosen.count).fill(data.strain[chosen.k]), y: Array.from(chosen.values), mode: "markers",
@@ -186,7 +190,7 @@ function thresholdLine() {
 
 function span() {
   const {x, y} = chosen.pdf, top = Math.max(...y);
-  const inside = x.filter((_, j) => y[j] > 1e-3 * top);
+  const inside = x.filter((_, j) => top === 0 || y[j] > 1e-3 * top); // all zero: no test goes on
   return [inside[0] - 3 * chosen.response.width[chosen.k], inside[inside.length - 1] + 3 * chosen.response.width[chosen.k]];
 }
 
@@ -216,7 +220,7 @@ function drawCdf() {
 // Product kernels at the points, with the widths of analysis/pdem/joint_pdf.py.
 function drawJoint() {
   const second = chosen.second;
-  if (!second) { Plotly.purge("joint"); return; }
+  if (!second || !chosen.points.x.length) { Plotly.purge("joint"); return; }
   const one = chosen.values, two = valuesOf(second), P = chosen.set.probability, known = [];
   for (let q = 0; q < P.length; q++) {
     if (Number.isFinite(one[q]) && Number.isFinite(two[q]) && P[q] > 0) known.push(q);
@@ -256,6 +260,10 @@ function kernels(grid, values, width) {
 // ---- reading off ----
 
 function readOff() {
+  if (!chosen.points.x.length) {
+    element("readout").textContent = `No test goes on to ${shown(data.strain[chosen.k], 3)} % strain (${chosen.set.name})`;
+    return;
+  }
   const p = exceedance(chosen.curve, chosen.threshold), [mean, sd] = moments(chosen.points);
   const unit = data.quantities[chosen.symbol].unit, out = element("readout");
   out.dataset.threshold = chosen.threshold;
@@ -264,7 +272,14 @@ function readOff() {
   const strong = document.createElement("b");
   strong.textContent = `P(${chosen.symbol} > ${shown(chosen.threshold)}${unit ? " " + unit : ""}) = ${shown(p, 3)}`;
   out.append(strong, ` at ${shown(data.strain[chosen.k], 3)} % strain; mean ${shown(mean)}, standard deviation ${shown(sd, 3)}`
-    + ` (${chosen.kind}, ${chosen.set.name})`);
+    + ` (${chosen.kind}, ${chosen.set.name}${goingOn()})`);
+}
+
+// For which probability a number holds, if tests have ended before the chosen strain.
+function goingOn() {
+  let sum = 0;
+  chosen.set.probability.forEach((p, q) => { if (Number.isFinite(chosen.values[q])) sum += p; });
+  return sum > 0.999 ? "" : `; of the tests that go on, ${shown(100 * sum, 3)} % of the probability`;
 }
 
 function setThreshold(value, fromInput = false) {
@@ -303,11 +318,20 @@ function drawAtStrain() {
   readOff();
 }
 
+// The mean at the chosen strain, or at the last one before it at which a test goes on.
+function firstMean() {
+  for (let k = chosen.k; k >= 0; k--) {
+    const points = sorted(row(chosen.response.values, k, chosen.count), chosen.set.probability);
+    if (points.x.length) return moments(points)[0];
+  }
+  return NaN;
+}
+
 function drawAll() {
   choose();
   chosen.threshold = chosen.threshold ?? NaN;
   if (chosen.drawn !== chosen.symbol) { // a threshold of another response has no meaning
-    chosen.threshold = Number(moments(chosen.points)[0].toPrecision(4));
+    chosen.threshold = Number(firstMean().toPrecision(4));
     element("threshold").value = chosen.threshold;
     chosen.drawn = chosen.symbol;
   }

@@ -26,6 +26,7 @@ def write_explore(results: Results, folder: str | Path) -> Path:
     template = Template((HERE / "explore_template.html").read_text(encoding="utf-8"))
     text = template.substitute(
         title=escape(f"{data['campaign']}: explore the results"),
+        axial=data["axial"],
         plotly=get_plotlyjs().replace("</script", "<\\/script"),  # would end the element that holds it
         data=json.dumps(data, allow_nan=False).replace("<", "\\u003c"),
         script=(HERE / "explore.js").read_text(encoding="utf-8"),

@@ -10,17 +10,18 @@ from .. import __version__
 from ..quantities import rounded
 from ..results.models import runs_with_moments
 from ..results.quote import OF_POINTS, WITHHELD
-from ..results.reader import Results
+from ..results.reader import UNDRAINED_STATES, Results
 from ..results.standing import NOT_PROVEN, NOT_REACHED
 from ..tables import published
-from . import conditions, input_words, page, picture
+from . import conditions, input_words, loading_words, page, picture
 from .headings import HEADINGS, quantity_words
 from .symbols import marked
 
 Frames = Mapping[str, pd.DataFrame]
-STATES = {"peak": "Peak", "critical": "Critical state", "probe": "Small strain"}
+STATES = {"peak": "Peak", "critical": "Critical state", "probe": "Small strain",
+          "transformation": "Phase transformation", "strength": "10 % axial strain"}  # fmt: skip
 #: Order of the rows of a table: states as they are reached.
-ORDER = ("probe", "peak", "critical")
+ORDER = ("probe", "transformation", "peak", "strength", "critical")
 #: Columns of the tables.
 NAMES = ("mean", "sd", "q05", "q95")
 
@@ -42,25 +43,29 @@ def first_screen(results: Results, frames: Frames, name: str) -> str:
     settings = results.attrs["settings"]
     stress = f" = {settings['consolidation']['sigma_3_kPa']:g} kPa" if settings else ""
     stress = " (random)" if "sigma_3" in results.points.names else stress
-    drawn = picture.test_picture(results.diameters, stress, f"{100 * conditions.end_strain(results):.3g} %")
+    drawn = picture.test_picture(results.diameters, stress, f"{100 * conditions.end_strain(results):.3g} %",
+                                 results.loading)  # fmt: skip
     meaning = MEANING.format(kind=input_words.kind(results),
                              interval=input_words.interval_words(results, frames["report_facts"].iloc[0]))  # fmt: skip
     words = page.paragraphs([*conditions.tested(results, frames), *conditions.size_warning(frames)])
     return (
         f'<h1>Campaign {marked(name)}</h1><div class="tested"><div>{words}{page.paragraph(cite_words(), "cite")}</div>'
-        f"{drawn}</div><h2>Numbers to quote</h2>{quote_tables(frames['quote'])}"
+        f"{drawn}</div><h2>Numbers to quote</h2>{quote_tables(frames['quote'], frames['ends'])}"
         f"{page.paragraphs([meaning, *standing_words(frames['quote']), *basis_words(results, frames), DESIGN])}"
         f"{page.cards(_size(results, frames))}"
     )
 
 
-def quote_tables(quote: pd.DataFrame) -> str:
-    """HTML of one table per density; every cell of a number names it in the attribute data-quote."""
-    parts = (_density(rows, f"quote{k}") for k, (_, rows) in enumerate(quote.groupby("mu_iso"), start=1))
+def quote_tables(quote: pd.DataFrame, ends: pd.DataFrame) -> str:
+    """HTML of one table per density; every cell of a number names it in the attribute data-quote.
+
+    ends: the table of tests that ended early, for the states that not all of them reached.
+    """
+    parts = (_density(rows, f"quote{k}", ends) for k, (_, rows) in enumerate(quote.groupby("mu_iso"), start=1))
     return f'<div class="quotes">{"".join(parts)}</div>'
 
 
-def _density(rows: pd.DataFrame, key: str) -> str:
+def _density(rows: pd.DataFrame, key: str, ends: pd.DataFrame) -> str:
     first = rows.iloc[0]
     words = f"{first['density'][0].upper()}{first['density'][1:]} (mu_iso = {first['mu_iso']:g})"
     if first["void_ratio"] == first["void_ratio"]:
@@ -69,7 +74,8 @@ def _density(rows: pd.DataFrame, key: str) -> str:
     body = []
     for state in (state for state in ORDER if (rows["state"] == state).any()):
         part = rows[rows["state"] == state]
-        standing = marked(part.iloc[0]["standing"])
+        judged = part.iloc[0]["standing"] if state not in UNDRAINED_STATES else ""
+        standing = marked("; ".join(filter(None, [judged, loading_words.holds_for(part, ends)])))
         body.append(f'<tr class="state"><th colspan="5">{STATES[state]} <span>{standing}</span></th></tr>')
         for row in part.to_dict("records"):
             where = f"{row['mu_iso']:g}/{row['state']}/{row['quantity']}"
@@ -109,7 +115,13 @@ def basis_words(results: Results, frames: Frames) -> list[str]:
     """What is not in the uncertainties: too few runs, or too few packings."""
     quote, design = frames["quote"], frames["packing_design"].iloc[0]
     words = []
-    if (quote["basis"] == OF_POINTS).any():
+    if (quote["basis"] == OF_POINTS).any() and results.loading.is_undrained:
+        words.append(
+            f"Where no uncertainty is given, fewer than {runs_with_moments(results)} tests of the density reached the "
+            "state, or a stress varies by more than a factor of 5 over the points, which no model of the runs follows. "
+            "The numbers are then those of the points and contain the noise of the runs."
+        )
+    elif (quote["basis"] == OF_POINTS).any():
         words.append(f"Where no uncertainty is given, the density has fewer than {runs_with_moments(results)} runs. "
                      "The numbers are then those of the points and contain the noise of the runs.")  # fmt: skip
     elif not design["known"]:

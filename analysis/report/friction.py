@@ -6,13 +6,16 @@ from collections.abc import Mapping
 
 import pandas as pd
 
-from ..quantities import with_error
+from ..quantities import DRAINED, Loading, with_error
 from ..tables.published import SOURCE, SURFACES
 from . import page
 
 
-def friction(frames: Mapping[str, pd.DataFrame], names: Mapping[float, str]) -> str:
-    """HTML of the critical stress ratio along friction: table, differences between densities, published values."""
+def friction(frames: Mapping[str, pd.DataFrame], names: Mapping[float, str], loading: Loading = DRAINED) -> str:
+    """HTML of the critical stress ratio along friction: table, differences between densities, published values.
+
+    Published values stand beside drained compression only.
+    """
     frame = frames["friction"]
     frame = frame[(frame["state"] == "critical") & (frame["quantity"] == "eta")]
     if not len(frame):
@@ -31,7 +34,7 @@ def friction(frames: Mapping[str, pd.DataFrame], names: Mapping[float, str]) -> 
     shown = shown.reset_index().assign(mu_s=[f"{mu_s:g}" for mu_s, _ in shown.index])
     parts = [page.table(shown, "friction", caption, headings=heads),
              page.paragraph(density_words(frames["density_differences"]))]  # fmt: skip
-    if len(frames["published_shear"]):
+    if loading == DRAINED and len(frames["published_shear"]):
         parts.append(page.paragraph(published_words(frames["published_shear"])))
     return "".join(parts)
 

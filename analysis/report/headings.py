@@ -48,14 +48,37 @@ HEADINGS = {
     "claim": "Statement of the paper", "value": "Value (95 % interval)", "number": "What the number is",
     "criterion": "Criterion", "response": "Response", "symbol": "Symbol", "meaning": "Meaning", "name": "Name",
     "key": "Item", "text": "Value",
+    "end": "End", "probability": "Probability (95 % interval)", "strains": "Strain: first, median, last (%)",
+    "which": "Points", "fitted_to": "Line through", "e_100": "Void ratio at 100 kPa", "slope": "Slope per ln p'",
+    "scatter": "Scatter of e", "slope_given_inputs": "Slope at given grain properties",
+    "scatter_given_inputs": "Scatter at given grain properties", "range": "Range of p' (kPa)",
+    "eta_extension": "Mean eta in extension", "holds_for": "Holds for (%)",
 }  # fmt: skip
-STATES = {"initial": "before shear", "peak": "peak", "critical": "critical", "probe": "small strain"}
+STATES = {"initial": "before shear", "transformation": "phase transformation", "peak": "peak",
+          "strength": "10 % axial strain", "critical": "critical", "probe": "small strain"}  # fmt: skip
 FAMILIES = {"coupled": "all inputs vary", "G_p": "only G_p varies", "shared": "for all points", "": ""}
 STAGES = {"consolidate": "consolidation", "probe": "small-strain probe", "shear": "shear", "all": "all"}
 
 
 #: Order of quantities and states in the rows of a table.
-QUANTITY_ORDER = ("eta", "e", "e_m", "Z", "Z_m", "Phi_dev", "D_p", "G_0", "I_G_active", "I_G_stress")
+QUANTITY_ORDER = (
+    "eta",
+    "p",
+    "q",
+    "u",
+    "r_u",
+    "s_u",
+    "eps_pt",
+    "e",
+    "e_m",
+    "Z",
+    "Z_m",
+    "Phi_dev",
+    "D_p",
+    "G_0",
+    "I_G_active",
+    "I_G_stress",
+)
 
 
 def in_order(frame: pd.DataFrame) -> pd.DataFrame:
@@ -80,4 +103,5 @@ def quantity_words(symbol: str) -> str:
     """Name, symbol and displayed unit of a quantity, such as "small-strain stiffness G_0 (MPa)"."""
     quantity = QUANTITIES[symbol]
     unit = {"1": "", "deg": " (°)"}.get(quantity.shown_unit or quantity.unit, f" ({quantity.shown_unit})")
-    return f"{quantity.name[0].lower()}{quantity.name[1:]} {symbol}{unit}"
+    shown = "p'" if symbol == "p" else symbol
+    return f"{quantity.name[0].lower()}{quantity.name[1:]} {shown}{unit}"

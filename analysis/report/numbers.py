@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..quantities import QUANTITIES
+from ..quantities import DRAINED, QUANTITIES, Loading
 from ..results.reader import Results
 from ..tables import published
-from . import conditions, input_words, page, wording
+from . import conditions, input_words, loading_words, page, wording
 from .headings import in_order, readable
 
 Frames = Mapping[str, pd.DataFrame]
@@ -19,22 +19,98 @@ Names = Mapping[float, str]
 ORDER = ["quantity", "state", "mu_iso"]
 
 
-def ranges(frames: Frames, names: Names, is_papers_test: bool) -> str:
+def ranges(frames: Frames, names: Names, is_papers_test: bool, loading: Loading = DRAINED) -> str:
     """HTML of the ranges over the points at peak and critical state, beside the paper's where its test was repeated."""
-    frame = frames["peak_critical"]
-    frame = frame[(frame["family"] == "coupled") & frame["quantity"].isin(["eta", "e", "Z"])]
+    frame, shown = frames["peak_critical"], ["eta", "p" if loading.is_undrained else "e", "Z"]
+    frame = frame[(frame["family"] == "coupled") & frame["quantity"].isin(shown)]
     frame = in_order(frame[frame["state"].isin(["peak", "critical"])])
     here = [_range(a, b) if np.isfinite(a) else "withheld" for a, b in zip(frame["min"], frame["max"], strict=True)]
     paper = [_range(a, b) for a, b in zip(frame["paper_low"], frame["paper_high"], strict=True)]
     columns = [*ORDER, "here", *(["paper"] if is_papers_test else [])]
     caption = "Range over the points at peak and critical state, with the noise of their runs"
+    caption += ", of the tests that reached the state" * loading.is_undrained
     if is_papers_test:
         caption += ", beside the range that the paper reads off its figures"
     return page.table(readable(frame.assign(here=here, paper=paper)[columns], names), "ranges", caption)
 
 
 def _range(low: float, high: float) -> str:
+    if abs(low) >= 100.0:
+        return f"{low:,.0f} … {high:,.0f}"
     return f"{low:.2f} … {high:.2f}" if np.isfinite(low) else "–"
+
+
+def ended_tests(frames: Frames, names: Names) -> str:
+    """HTML of the tests that ended before their strain, with probabilities and intervals; "" for other paths."""
+    frame = frames["ends"]
+    if not len(frame):
+        return ""
+    frame = frame[frame["family"] == "coupled"]
+    columns = (frame[f"{name}_strain_pct"] for name in ("first", "median", "last"))
+    strains = [", ".join(map(page.number, row)) if np.isfinite(row[0]) else "–" for row in zip(*columns, strict=True)]
+    words = {**loading_words.ENDED, "none": "went on to the last strain"}
+    shown = frame[["mu_iso", "points"]].assign(end=[words[end] for end in frame["end"]], strains=strains,
+                                               probability=page.intervals(frame, "probability"))  # fmt: skip
+    shown = readable(shown[["mu_iso", "end", "points", "probability", "strains"]], names)
+    packings = int(frame["packings"].min())
+    text = (
+        "The intervals are those of Clopper and Pearson with the effective number of points (Korn and Graubard 1998), "
+        "which follows from the points' probabilities and from how much the packings differ. "
+    )
+    if packings == 1:
+        text += "There is one packing; what all points share through it is not in the intervals."
+    else:
+        text += f"With {packings} packings, the factor for so few of them is in the intervals, which are then wide."
+    return page.table(shown, "ends", "Tests that ended before their strain", stack=True) + page.paragraph(
+        text + " tables/ends.csv names the points, tables/ends_along_strain.csv gives the probabilities along strain."
+    )
+
+
+def critical_lines(frames: Frames) -> str:
+    """HTML of the fitted critical state lines; "" without any."""
+    frame = frames["critical_lines"]
+    if not len(frame):
+        return ""
+    text = (
+        "Least squares in e over the points that reached the critical state. Grain properties move the line: the fit "
+        "at given properties contains the logarithms of the inputs, too. Where p' is the response and e is given, as "
+        "in undrained tests of one density, such a line is too flat."
+    )
+    return page.paragraph(text) + critical_line_table(frame)
+
+
+def critical_line_table(frame: pd.DataFrame) -> str:
+    """HTML of the table of critical state lines."""
+    pressures = zip(frame["p_low_kPa"], frame["p_high_kPa"], strict=True)
+    columns = [
+        "fitted_to",
+        "points",
+        "range",
+        "e_100",
+        "slope",
+        "scatter",
+        "slope_given_inputs",
+        "scatter_given_inputs",
+    ]
+    errors = zip(frame["slope"], frame["slope_error"], strict=True)
+    shown = frame.assign(range=[f"{low:,.0f} … {high:,.0f}" for low, high in pressures],
+                         slope=[f"{page.number(a)} (error {page.number(b, 2)})" for a, b in errors])  # fmt: skip
+    return page.table(shown[columns], "critical_lines", "Critical state line, e against ln p'", stack=True)
+
+
+def extension_strength(frames: Frames, names: Names) -> str:
+    """HTML of the strength in extension and what it means in compression; "" for compression."""
+    frame = frames["extension_strength"]
+    if not len(frame):
+        return ""
+    surfaces = [name.removesuffix("_compression") for name in frame if name.endswith("_compression")]
+    heads = {f"{name}_compression": f"Stress ratio eta in compression, {name}" for name in surfaces}
+    text = (
+        f"The stress ratio that the same soil would have in compression if the surface of {' or of '.join(surfaces)} "
+        "held, from the mean over the points. `compare` with a campaign in compression shows which one does."
+    )
+    caption = "Stress ratio in extension, and the one in compression on the same surface"
+    return page.paragraph(text) + page.table(readable(frame, names), "extension_strength", caption, headings=heads)
 
 
 def initial(frames: Frames, names: Names, is_papers_test: bool) -> str:

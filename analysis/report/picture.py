@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..quantities import DRAINED, Loading
+from . import loading_words
 from .symbols import plain
 
 WIDTH, HEIGHT = 250, 230
@@ -13,27 +15,30 @@ BOX = (75.0, 52.0, 100.0, 126.0)
 DIAMETER = 13.0
 
 
-def test_picture(diameters: np.ndarray, stress: str, strain: str) -> str:
-    """SVG of a specimen with sizes drawn from `diameters` (N,) and the words for the confining stress and the "
-    "strain."""
+def test_picture(diameters: np.ndarray, stress: str, strain: str, loading: Loading = DRAINED) -> str:
+    """SVG of a specimen with sizes drawn from `diameters` (N,) and the words for the stress and the strain.
+
+    In extension the axial arrows lead away from the specimen.
+    """
     left, top, width, height = BOX
     right, bottom = left + width, top + height
     middle = left + width / 2
     parts = [f'<rect class="cell" x="{left}" y="{top}" width="{width}" height="{height}"/>', *_spheres(diameters)]
     for x in np.linspace(left + 15, right - 15, 4):
-        parts += [_arrow(x, top - 22, x, top - 3), _arrow(x, bottom + 22, x, bottom + 3)]
+        far, near = (22, 3) if loading.sign > 0 else (3, 22)
+        parts += [_arrow(x, top - far, x, top - near), _arrow(x, bottom + far, x, bottom + near)]
     for y in np.linspace(top + 15, bottom - 15, 4):
         parts += [_arrow(left - 22, y, left - 3, y, "lateral"), _arrow(right + 22, y, right + 3, y, "lateral")]
     stress_words, strain_words = plain(stress), plain(strain)
+    axial = "strain" if loading.sign > 0 else "extension"
+    what, held, description = loading_words.picture(loading, stress, strain)
     parts += [
-        _text(middle, 12, f"axial strain {_low('ε', 'a')} = 0 … {strain_words}</tspan>"),
+        _text(middle, 12, f"axial {axial} {_low('ε', 'a')} = 0 … {strain_words}</tspan>"),
         _text(middle, 26, "increases, slowly"),
-        _text(middle, HEIGHT - 12, f"confining stress {_low('σ', '3')}{stress_words}</tspan>"),
-        _text(middle, HEIGHT + 1, "constant on all sides"),
+        _text(middle, HEIGHT - 12, f"{what} {_low('σ', '3')}{stress_words}</tspan>"),
+        _text(middle, HEIGHT + 1, plain(held)),
     ]  # fmt: skip
-    words = plain(
-        f"Drained triaxial compression of spheres: axial strain to {strain}, confining stress{stress} constant"
-    )
+    words = plain(description)
     return (f'<svg class="test" viewBox="0 0 {WIDTH} {HEIGHT + 6}" role="img" aria-label="{words}">'
             f"{''.join(parts)}</svg>")  # fmt: skip
 

@@ -9,10 +9,10 @@ import numpy as np
 import pandas as pd
 
 from .. import __version__
-from ..quantities import CRITICAL_BLOCK, CRITICAL_FROM, QUANTITIES, Quantity
+from ..quantities import CRITICAL_BLOCK, CRITICAL_FROM, DRAINED, QUANTITIES, Loading, Quantity
 from ..results.reader import Results
 from ..tables import published
-from . import page, wording
+from . import loading_words, page, wording
 
 #: Quantities of the glossary, in its order.
 GLOSSARY = ("mu_s", "G_p", "mu_iso", "nu", "sigma_3", "d50", "sigma_ln", "eps_a", "eps_v", "p", "q", "eta", "phi",
@@ -70,14 +70,25 @@ def _values(told: pd.DataFrame, needed: list[str]) -> list[str]:
     return [f"{page.number(v)} ({page.number(a)} … {page.number(b)}){n}" for v, a, b, n in zip(*columns, strict=True)]
 
 
-def glossary() -> str:
-    """HTML of the symbols with their formulas, and of the terms."""
-    quantities = [QUANTITIES[symbol] for symbol in GLOSSARY]
-    rows = [("p'" if quantity.symbol == "p" else quantity.symbol, quantity.name, _unit(quantity),
-             quantity.meaning.replace(" * ", " ")) for quantity in quantities]  # fmt: skip
-    rows += [("", name[0].upper() + name[1:], "", meaning) for name, meaning in TERMS.items()]
+def glossary(loading: Loading = DRAINED) -> str:
+    """HTML of the symbols with their formulas, and of the terms, for a test."""
+    symbols, terms = [*GLOSSARY], dict(TERMS)
+    if loading.is_undrained:
+        symbols = [symbol for symbol in GLOSSARY if symbol not in loading_words.NOT_UNDRAINED]
+        after = symbols.index("eta")
+        symbols[after:after] = loading_words.UNDRAINED
+        terms |= loading_words.TERMS_UNDRAINED
+    if loading.sign < 0:
+        terms["peak"] = terms["peak"].replace("the largest smoothed", "the largest magnitude of the smoothed")
+    quantities = [QUANTITIES[symbol] for symbol in symbols]
+    meanings = [loading_words.meaning(loading, of.symbol, of.meaning).replace(" * ", " ") for of in quantities]
+    rows = [("p'" if of.symbol == "p" else of.symbol, of.name, _unit(of), meaning)
+            for of, meaning in zip(quantities, meanings, strict=True)]  # fmt: skip
+    rows += [("", name[0].upper() + name[1:], "", meaning) for name, meaning in terms.items()]
     frame = pd.DataFrame(rows, columns=["symbol", "name", "unit", "meaning"])
     text = "Strains are logarithmic; compression is positive in stress and strain."
+    if loading.sign < 0:
+        text += " Only the axial strain is shown positive in extension."
     return page.paragraph(text) + page.table(
         frame, "glossary", "Symbols and terms", stack=True, headings={"unit": "Unit"}
     )

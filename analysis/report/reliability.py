@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 import pandas as pd
 
+from ..quantities import DRAINED, Loading
 from ..results.reader import Results
 from ..tables.variance_sources import share_columns
 from . import input_words, page, wording
@@ -68,19 +69,20 @@ def sources(results: Results, frames: Frames, names: Names) -> str:
         "(95 % intervals)"
     )
     heads = {"shared": "Several of them"} if len(results.points.names) > 2 else {}
-    return page.paragraph(input_words.sources_words(results)) + page.table(
+    words = input_words.sources_words(results) + wording.ALL_REACHED * results.loading.is_undrained
+    return page.paragraph(words) + page.table(
         readable(shares, names), "variance_sources", caption, digits=2, headings=heads
     )
 
 
-def against_monte_carlo(frames: Frames, names: Names) -> str:
+def against_monte_carlo(frames: Frames, names: Names, loading: Loading = DRAINED) -> str:
     """HTML on the points and PDEM against Monte Carlo through the model; "" with too few runs."""
     check, along = frames["monte_carlo"], frames["monte_carlo_along_strain"]
     if not len(check):
         return ""
     differences = [f"{name}_diff" for name in ("mean", "sd", "q05", "q50", "q95")]
     check = check.assign(**{name: [f"{100 * v:+.1f}" for v in check[name]] for name in differences})
-    html = page.paragraph(wording.AGAINST_MONTE_CARLO) + page.table(
+    html = page.paragraph(wording.AGAINST_MONTE_CARLO + wording.ALL_REACHED * loading.is_undrained) + page.table(
         readable(in_order(check)[[*ORDER, *differences]], names), "monte_carlo",
         "Points minus Monte Carlo; sd is the standard deviation with the noise of a run", stack=True,
     )  # fmt: skip
@@ -118,11 +120,15 @@ def checks(frames: Frames, names: Names) -> str:
     return "".join(parts)
 
 
-def peaks(frames: Frames, names: Names) -> str:
+def peaks(frames: Frames, names: Names, loading: Loading = DRAINED) -> str:
     """HTML on how the peaks were estimated, and Rowe's relation."""
     parts = []
     if len(frames["peak_estimates"]):
-        parts.append(page.paragraph(wording.PEAKS))
+        further = " In extension the peak is the largest magnitude, and the bias is that of the magnitude." * (
+            loading.sign < 0
+        )
+        further += " A test that ended early has the peak of its own curve, if it passed one." * loading.is_undrained
+        parts.append(page.paragraph(wording.PEAKS + further))
         caption = "How the peaks were estimated"
         parts.append(page.table(readable(frames["peak_estimates"], names), "peak_estimates", caption, digits=2))
     if len(frames["rowe"]):
@@ -132,8 +138,10 @@ def peaks(frames: Frames, names: Names) -> str:
     return "".join(parts)
 
 
-def replay(frames: Frames, names: Names) -> str:
-    """HTML on the stopping rule, applied to runs that are all there."""
+def replay(frames: Frames, names: Names, loading: Loading = DRAINED) -> str:
+    """HTML on the stopping rule, applied to runs that are all there; "" for undrained tests."""
+    if loading.is_undrained:
+        return ""
     frame = frames["stopping_replay"]
     if not len(frame):
         return page.paragraph(wording.NO_REPLAY)

@@ -11,6 +11,7 @@ import pandas as pd
 
 from ..errors_and_files import atomic_write
 from ..figures import write_figures
+from ..quantities import DRAINED
 from ..results.reader import Results, ResultsError, read_results
 from ..tables import DERIVED_TABLES, REPORT_TABLES, TABLES
 from . import conditions, first_screen, friction, input_words, numbers, page, reference, reliability
@@ -78,17 +79,27 @@ def sections(content: Content) -> list[Section]:
     results, frames, _ = content
     names = results.density_names()
     differences = conditions.paper_differences(results)
-    ours, along = not differences, "mu_s" in results.points.names
+    ours, along, loading = not differences, "mu_s" in results.points.names, results.loading
+    usual = loading == DRAINED
+    fabric = "Void ratios, coordination numbers and fabric"
+    stiffness = "Stiffness and dilatancy"
+    if loading.is_undrained:
+        fabric, stiffness = "Mechanical void ratio, coordination numbers and fabric", "Stiffness"
     listed = [
         Section(PICTURES, "Stress ratio", _pictures(content, ours, "fig05", "fig06", "fig07")),
-        Section(PICTURES, "Void ratios, coordination numbers and fabric",
+        Section(PICTURES, "Stress paths and pore pressure", _pictures(content, ours, "fig17", "fig18")),
+        Section(PICTURES, fabric,
                 _pictures(content, ours, "fig08", "fig09", "fig10", "fig11", "fig12")),
-        Section(PICTURES, "Stiffness and dilatancy", _pictures(content, ours, "fig13")),
+        Section(PICTURES, "Critical state line", _pictures(content, ours, "fig19")),
+        Section(PICTURES, stiffness, _pictures(content, ours, "fig13")),
         Section(PICTURES, "Joint PDFs", _pictures(content, ours, "fig14", "fig15")),
         Section(PICTURES, "Effect of interparticle friction", _pictures(content, ours, "fig16") * along),
         Section(PICTURES, input_words.pictures_heading(results), _pictures(content, ours, "fig02", "fig03", "fig04")),
-        Section(TABLED, "Ranges", numbers.ranges(frames, names, ours)),
-        Section(TABLED, "Critical state at single frictions", friction.friction(frames, names) * along),
+        Section(TABLED, "Tests that ended early", numbers.ended_tests(frames, names)),
+        Section(TABLED, "Ranges", numbers.ranges(frames, names, ours, loading)),
+        Section(TABLED, "Strength in extension", numbers.extension_strength(frames, names)),
+        Section(TABLED, "Critical state line", numbers.critical_lines(frames)),
+        Section(TABLED, "Critical state at single frictions", friction.friction(frames, names, loading) * along),
         Section(TABLED, "States after consolidation", numbers.initial(frames, names, ours)),
         Section(TABLED, "Grains that carry stress", numbers.gradings(results, frames, names, ours)),
         Section(TABLED, input_words.inputs_heading(results), numbers.inputs(results, frames, ours)),
@@ -96,13 +107,13 @@ def sections(content: Content) -> list[Section]:
         Section(TRUST, "Standing of the states", reliability.standings(frames, names)),
         Section(TRUST, "What limits the accuracy", reliability.accuracy(results, frames, names)),
         Section(TRUST, "Sources of the variance", reliability.sources(results, frames, names)),
-        Section(TRUST, "Peaks", reliability.peaks(frames, names)),
+        Section(TRUST, "Peaks", reliability.peaks(frames, names, loading)),
         Section(TRUST, "Checks of the runs", reliability.checks(frames, names)),
-        Section(TRUST, "Points against Monte Carlo", reliability.against_monte_carlo(frames, names)),
-        Section(TRUST, "How many runs would have been enough", reliability.replay(frames, names)),
+        Section(TRUST, "Points against Monte Carlo", reliability.against_monte_carlo(frames, names, loading)),
+        Section(TRUST, "How many runs would have been enough", reliability.replay(frames, names, loading)),
         Section(TRUST, "Other sizes, rates and grains", reliability.other_runs(frames)),
-        Section(PAPER, "Statements of the paper", reference.claims(frames["claims"], differences)),
-        Section(REFERENCE, "Glossary", reference.glossary()),
+        Section(PAPER, "Statements of the paper", reference.claims(frames["claims"], differences) * usual),
+        Section(REFERENCE, "Glossary", reference.glossary(loading)),
         Section(REFERENCE, "How to cite, licence", reference.citation()),
         Section(REFERENCE, "Versions and settings", reference.settings(results)),
     ]  # fmt: skip

@@ -15,6 +15,7 @@ SYMBOLS = {
     "I_G_active": ("I", "G, active"), "I_G_stress": ("I", "G, stress"), "N_c": ("N", "c"), "N_0": ("N", "0"),
     "N_1": ("N", "1"), "E_p": ("E", "p"), "V_s": ("V", "s"), "rho": ("ρ", ""), "tau": ("τ", ""), "theta": ("θ", ""),
     "nu": ("ν", ""),
+    "r_u": ("r", "u"), "s_u": ("s", "u"), "eps_pt": ("ε", "a, pt"), "sigma_a": ("σ", "a"), "sigma_r": ("σ", "r"),
 }  # fmt: skip
 _NAMES = re.compile(r"(?<![\w.])(" + "|".join(sorted(SYMBOLS, key=len, reverse=True)) + r")(?!\w|\.\w)")
 #: Comparisons in the text of a criterion.

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import pandas as pd
 
-from ..quantities import QUANTITIES, parameter
+from ..quantities import EARLY_ENDS, QUANTITIES, parameter
 from ..results.reader import Results
 from ..tables import published
 
@@ -32,6 +32,8 @@ AGAINST_MONTE_CARLO = (
     "through the model of all runs: without noise for the mean and the standard deviation, with the noise of a run for "
     "the quantiles. The second table compares PDEM's PDFs along strain with such samples, noise included."
 )
+
+ALL_REACHED = " Only states that all tests of a density reached are here, because their model is that of all inputs."
 
 REPLAY = (
     "All points were run, so the rule that stops a campaign once it has enough runs can be judged afterwards. The rule "
@@ -205,6 +207,12 @@ def proof_notes(frames: Frames) -> list[str]:
             f"{int(checks['replaced'])} of them the difference exceeds {100 * checks['difference_limit']:.0f} % "
             f"(largest: {100 * checks['largest_difference']:.0f} %); there the value of the network is used."
         )
+    early = shear["reason"].isin(EARLY_ENDS)
+    if early.any():
+        notes.append(f"{int(early.sum())} of {len(shear)} shear runs ended before their strain; @table:ends@ has them.")
+        shear = shear[~early]
+        if not len(shear):
+            return notes
     unsteady = shear[shear["unsteady"] != ""]
     if not len(unsteady):
         return [*notes, f"All {len(shear)} shear runs prove that their critical state is steady."]

@@ -21,13 +21,14 @@ from ..errors_and_files import atomic_write, write_hdf5
 from ..inputs.joint import Joint
 from ..inputs.measurements import refitted_joints
 from ..inputs.variables import NEEDED
-from ..pdem import evolution
+from ..pdem.conditional import evolve_known
 from ..points.representative_points import RepresentativePoints
 from ..points.selection import probabilities_under
-from ..quantities import QUANTITIES
+from ..quantities import DRAINED, QUANTITIES, Loading
 from ..runs.archive import NAME, Archive
 from .collect import Collected, FamilyDensity, ResponsesError, collect
-from .reader import FORMAT, FORMAT_VERSION, JUDGED_STATES, VERSION_OF_PAIRS
+from .ends import write_ends
+from .reader import FORMAT, FORMAT_VERSION, JUDGED_STATES, VERSION_OF_INPUTS, VERSION_OF_PAIRS
 from .standing import DensityCurve, curves_standing
 
 SQUEEZE = {"compression": "gzip", "shuffle": True, "fletcher32": True}
@@ -103,7 +104,7 @@ def build_results(
         if input_bootstrap and (refitted := refitted_joints(_inputs(info), info.pairs, input_bootstrap)):
             file["inputs/bootstrap_probability"] = probabilities_under(refitted, points.x)
         for density in collected.densities:
-            _write_density(file, density, collected.strain, pdf_method, cells)
+            _write_density(file, density, collected, pdf_method, cells)
         _write_table(file.create_group("runs"), collected.runs)
     return target
 
@@ -119,13 +120,15 @@ def _write_head(file: h5py.File, points: RepresentativePoints, info: CampaignInf
     versions = {"python": platform.python_version(), **{name: _version(name) for name in PACKAGES}}
     file.attrs.update(
         format=FORMAT,
-        format_version=VERSION_OF_PAIRS if points.variables == points.names == NEEDED else FORMAT_VERSION,
+        format_version=_version_of_layout(points, collected.loading),
         campaign=info.name,
         config=info.config,
         settings=json.dumps(dict(info.settings)),
         versions=json.dumps(versions | dict(info.versions)),
         created=datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
     )
+    if collected.loading != DRAINED:
+        file.attrs.update(collected.loading._asdict())
     inputs = file.create_group("inputs")
     inputs["pairs"] = np.asarray(info.pairs, float)
     inputs.attrs["source"] = str(info.source)
@@ -148,6 +151,13 @@ def _write_head(file: h5py.File, points: RepresentativePoints, info: CampaignInf
     grading.attrs.update(collected.grading)
 
 
+def _version_of_layout(points: RepresentativePoints, loading: Loading) -> int:
+    """The earliest version of the format that has all that is written."""
+    if loading != DRAINED:
+        return FORMAT_VERSION
+    return VERSION_OF_PAIRS if points.variables == points.names == NEEDED else VERSION_OF_INPUTS
+
+
 def _version(package: str) -> str:
     """The version of a package: its own word where it is loaded, since Debian registers h5py under another name."""
     if package in sys.modules:
@@ -158,8 +168,8 @@ def _version(package: str) -> str:
         return "not installed"
 
 
-def _write_density(file: h5py.File, density: FamilyDensity, strain: np.ndarray, method: str, cells: int) -> None:
-    family = density.family
+def _write_density(file: h5py.File, density: FamilyDensity, collected: Collected, method: str, cells: int) -> None:
+    family, strain, loading = density.family, collected.strain, collected.loading
     base = file.require_group(f"families/{family.name}")
     if "points" not in base:
         _write_table(base.create_group("points"), family.points.to_frame())
@@ -176,7 +186,11 @@ def _write_density(file: h5py.File, density: FamilyDensity, strain: np.ndarray, 
         _write_array(response, "values", values, symbol)
         response.create_dataset("extended", data=density.extended, **SQUEEZE)
         response.attrs["filled"] = int(density.filled["shear"].sum())
-    _write_standings(out, density, strain)
+    if loading.is_undrained:
+        ended = density.ends.kind[:, None] != ""
+        still = np.isfinite(density.values["eta"].T) if density.values else ~ended
+        write_ends(out.create_group("ends"), density, ended & ~still)
+    _write_standings(out, density, strain, loading)
     for place, states in (("states", density.states), ("errors", density.errors)):
         for state, table in states.items():
             for symbol, values in table.items():
@@ -184,14 +198,14 @@ def _write_density(file: h5py.File, density: FamilyDensity, strain: np.ndarray, 
     _write_peaks(out, density)
 
 
-def _write_standings(out: h5py.Group, density: FamilyDensity, strain: np.ndarray) -> None:
+def _write_standings(out: h5py.Group, density: FamilyDensity, strain: np.ndarray, loading: Loading) -> None:
     """The standing of peak and critical state, as attributes of their groups."""
-    if not {"eta", "e"} <= set(density.values):
+    if not {*loading.steady} <= set(density.values):
         return
     curves = {symbol: DensityCurve(density.values[symbol], density.probability, density.extended, density.packing)
-              for symbol in ("eta", "e")}  # fmt: skip
+              for symbol in loading.steady}  # fmt: skip
     for state in JUDGED_STATES:
-        standing = curves_standing(state, strain, curves)
+        standing = curves_standing(state, strain, curves, loading)
         out.require_group(f"states/{state}").attrs.update(standing=standing.status, standing_reason=standing.reason)
 
 
@@ -216,7 +230,7 @@ def _write_pdf(
     cells: int,
 ) -> None:
     kept = probability > 0
-    pdf = evolution.evolve(values[:, kept], probability[kept], strain, method=method, cells=cells)
+    pdf = evolve_known(values[:, kept], probability[kept], strain, method=method, cells=cells)
     with h5py.File("pdf", "w", driver="core", backing_store=False) as memory:
         pdf.to_hdf5(memory)
         for name, dataset in memory.items():

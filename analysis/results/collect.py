@@ -12,15 +12,15 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from ..errors_and_files import GrainScatterError
 from ..pdem import weighted
 from ..points.representative_points import RepresentativePoints
-from ..quantities import STAGE_STATES
+from ..quantities import STAGE_STATES, Loading
 from ..runs import run_file
 from ..runs.archive import NOTHING, RunSummary, run_summary
-from ..runs.states import RunStates
 from ..surrogates.basis import fewest_fitted
 from ..surrogates.surrogate import fill
+from .common_grid import ResponsesError, loading_of_runs, on_grid_of, strain_grid
+from .ends import PointEnds
 from .peaks import PooledPeaks, peak_states, pool_peaks
 
 COLUMNS = ("run_id", "stage", "family", "point", "packing", "mu_iso", "mu_s", "G_p", "product")
@@ -31,19 +31,16 @@ CHECKED = {"consolidate": ("G_p", "mu_iso"), "shear": ("mu_s", "G_p", "mu_iso"),
 ALSO_CHECKED = ("nu", "sigma_3", "d50")
 
 
-class ResponsesError(GrainScatterError):
-    """A plan that cannot be turned into results; one line names the run or the density and the value that failed."""
-
-
 @dataclass(frozen=True)
 class FamilyDensity:
     """All runs of one family at one density on the common strain grid of T strains: Q points.
 
     `packing` (Q,) is the random seed of the packing that each point has.  `values` and `states` are NaN where a run
     failed.  `probability` (Q,) sums to 1; a point without a run has zero, and the nearest point with a run, `bearer`
-    (Q,), has its probability; `lost_probability` is the sum that moved.  `filled` marks points (Q,) that were not run,
-    by stage: their values and states are those of the model through the others.  `peaks` states where the peaks of the
-    points are; None if each run has the peak of its own curve.
+    (Q,), has its probability; `lost_probability` is the sum that moved.  A test that liquefied or became stiff is a
+    run: its point keeps its probability, and its values are NaN beyond that strain (`ends`).  `filled` marks points
+    (Q,) that were not run, by stage: their values and states are those of the model through the others.  `peaks` states
+    where the peaks of the points are; None if each run has the peak of its own curve.
     """
 
     mu_iso: float
@@ -59,6 +56,7 @@ class FamilyDensity:
     errors: dict[str, dict[str, np.ndarray]]
     counts: dict[str, int]
     peaks: PooledPeaks | None
+    ends: PointEnds
 
 
 @dataclass(frozen=True)
@@ -78,7 +76,7 @@ class PlannedFamily:
 
 @dataclass(frozen=True)
 class Collected:
-    """What a campaign's products hold: densities by family, strains (T,), one row per run, and the grains.
+    """What a campaign's products hold: densities by family, strains (T,), one row per run, the grains, and the test.
 
     `diameters` (N,) in m and `grading` are those of the first run that has a snapshot.
     """
@@ -88,6 +86,7 @@ class Collected:
     runs: pd.DataFrame
     diameters: np.ndarray
     grading: dict[str, Any]
+    loading: Loading
 
 
 def collect(
@@ -105,9 +104,11 @@ def collect(
     planned = list(plan.itertuples(index=False))
     read = [_read(row, archive or {}) for row in planned]
     runs = pd.DataFrame([line for line, _ in read])
+    runs = runs.fillna({name: "" for name in Loading._fields if name in runs})
     by_run = [(row, states) for row, (_, states) in zip(planned, read, strict=True)]
     spared = {line["run_id"] for line, _ in read if line["status"] == "spared"}
-    strain = _strain_grid([states for row, states in by_run if states and row.stage == "shear"])
+    strain = strain_grid([states for row, states in by_run if states and row.stage == "shear"], runs)
+    loading = loading_of_runs(by_run)
     densities = []
     for (family, mu_iso), index in plan.groupby(["family", "mu_iso"], sort=True).indices.items():
         rows = [by_run[i] for i in index if by_run[i][0].stage in STAGE_STATES]
@@ -116,7 +117,7 @@ def collect(
             densities.append(_density(family_points, float(mu_iso), rows, strain, spared))
     none: tuple[np.ndarray, dict[str, Any]] = (np.empty(0), {})
     grains = next((states.grains for _, states in by_run if states and states.grains), none)
-    return Collected(densities, strain, runs, *grains)
+    return Collected(densities, strain, runs, grains[0], grains[1], loading)
 
 
 def _read(row, archive):
@@ -164,17 +165,6 @@ def _check(run, row):
             raise ResponsesError(f"run {row.run_id}: {name} = {used:g} in {run.path.name}, the plan has {planned:g}")
 
 
-def _strain_grid(shears: list[RunStates]) -> np.ndarray:
-    """The strains of the fullest run: the longest of those that have the most windows."""
-    if not shears:
-        raise ResponsesError("no shear run has a product: there is no response to collect")
-    best = max(shears, key=lambda states: (len(states.eps_a), states.eps_a[-1]))
-    end = max(float(states.eps_a[-1]) for states in shears)
-    if best.eps_a[-1] < end:
-        best = max((s for s in shears if s.eps_a[-1] == end), key=lambda states: len(states.eps_a))
-    return np.asarray(best.eps_a, float)
-
-
 def _family_points(family: str, plan: pd.DataFrame, points: RepresentativePoints) -> PlannedFamily:
     """The points that a family plans, with the probability of those that it does not."""
     used = plan.drop_duplicates("point").set_index("point")
@@ -205,19 +195,18 @@ def _density(
     family: PlannedFamily, mu_iso: float, rows: list[Any], strain: np.ndarray, spared: set[str]
 ) -> FamilyDensity:
     points = family.points
-    values, extended, states, errors = _by_point(points, rows, strain)
+    values, extended, states, errors, ends = _by_point(points, rows, strain)
     filled, packing = {stage: _not_run(stage, rows, points, spared) for stage in STAGE_STATES}, _packing(points, rows)
-    peaks = pool_peaks(strain, values["eta"], points.x, packing) if values else None
-    if peaks:
-        at_peak, error = peak_states(strain, values, peaks, states["peak"])
-        states["peak"] |= at_peak
-        errors["peak"] |= {"eta": error}
+    peaks = _pool_peaks(points, rows, strain, packing, values, states, errors, ends) if values else None
+    not_run = filled["shear"]
+    if ends.any:  # whether a test that was not made would have ended early is not known
+        filled["shear"] = np.zeros(len(points), bool)
     for stage, names in STAGE_STATES.items():
-        for table in (states.get(state, {}) for state in names):
+        for table in (states.get(state, {}) for state in names if state != "transformation"):
             table |= {symbol: _fill(points, value[None], filled[stage], packing)[0] for symbol, value in table.items()}
     values = {symbol: _fill(points, value, filled["shear"], packing) for symbol, value in values.items()}
     sheared = any(row.stage == "shear" and row.run_id not in spared for row, _ in rows)
-    alive = np.isfinite(values["eta"]).all(axis=0) if values else np.full(len(points), not sheared)
+    alive = np.isfinite(values["eta"][0]) if values else np.full(len(points), not sheared)
     bearer = np.arange(len(points))
     if alive.any() and not alive.all():
         bearer = np.flatnonzero(alive)[_nearest(points.x, points.x[alive])]
@@ -227,7 +216,7 @@ def _density(
         packing=packing,
         probability=np.bincount(bearer, weights=points.probability, minlength=len(points)),
         bearer=bearer,
-        lost_probability=float(points.probability[~alive].sum()),
+        lost_probability=float(points.probability[~alive & ~(not_run & ends.any)].sum()),
         filled=filled,
         extended=extended,
         values=values,
@@ -235,29 +224,51 @@ def _density(
         errors=errors,
         counts=_counts([(row, states) for row, states in rows if row.stage == "shear"], spared),
         peaks=peaks,
+        ends=ends,
     )
 
 
+def _pool_peaks(points, rows, strain, packing, values, states, errors, ends):
+    """Peaks that are pooled over the points, if there are enough; they replace those in `states` and `errors`.
+
+    A test that ended early keeps the peak of its own curve.
+    """
+    loading = next(run.loading for row, run in rows if run and row.stage == "shear")
+    peaks = pool_peaks(strain, loading.sign * values["eta"], points.x, packing)
+    if peaks:
+        at_peak, error = peak_states(strain, values, peaks, states["peak"], loading)
+        if ends.any:
+            early, nothing = ends.kind != "", np.full(len(points), np.nan)
+            at_peak = {s: np.where(early, states["peak"].get(s, nothing), value) for s, value in at_peak.items()}
+            error = np.where(early, errors["peak"].get("eta", nothing), error)
+        states["peak"] |= at_peak
+        errors["peak"] |= {"eta": error}
+    return peaks
+
+
 def _by_point(points, rows, strain):
-    """Responses (T, Q), where they are extended, and states and their errors (Q,) of the runs."""
+    """Responses (T, Q), where they are extended, states and their errors (Q,), and early ends of the runs."""
     place = {point: q for q, point in enumerate(points.id.tolist())}
     shape = (len(strain), len(points))
     values: dict[str, np.ndarray] = {}
     states: dict[str, dict[str, np.ndarray]] = {}
     errors: dict[str, dict[str, np.ndarray]] = {}
     extended = np.zeros(shape, bool)
+    ends = PointEnds(np.full(len(points), "", dtype="U9"), np.full(len(points), np.nan))
     for row, run in rows:
         if run is None:
             continue
         q = place[row.point]
+        if run.end:
+            ends.kind[q], ends.strain[q] = run.end, run.end_strain
         for symbol in run.responses:
-            on_grid, extended[:, q] = _on_grid(run, symbol, strain, row.run_id)
+            on_grid, extended[:, q] = on_grid_of(run, symbol, strain, row.run_id)
             values.setdefault(symbol, np.full(shape, np.nan))[:, q] = on_grid
         for target, source in ((states, run.states), (errors, run.errors)):
             for state, table in source.items():
                 for symbol, value in table.items():
                     target.setdefault(state, {}).setdefault(symbol, np.full(len(points), np.nan))[q] = value
-    return values, extended, states, errors
+    return values, extended, states, errors, ends
 
 
 def _packing(points, rows):
@@ -295,17 +306,3 @@ def _fill(points, values, filled, packing):
     if not filled.any() or np.isfinite(values).sum(axis=1).min() < fewest_fitted(points.x.shape[1]):
         return values
     return np.where(filled, fill(points.x, values, packing)[0], values)
-
-
-def _on_grid(states, symbol, strain, run_id):
-    """A run's response on the common grid, and where it is continued by its critical-state average."""
-    end = states.eps_a[-1]
-    beyond = strain > end + 0.5 * np.median(np.diff(states.eps_a))
-    values = np.interp(strain, states.eps_a, states.responses[symbol])
-    if beyond.any():
-        if not states.steady_end:
-            raise ResponsesError(
-                f"run {run_id}: ends at eps_a = {end:.4g} before the campaign's {strain[-1]:.4g} and is not steady"
-            )
-        values[beyond] = states.states["critical"][symbol]
-    return values, beyond

@@ -62,9 +62,10 @@ class DerivedQuantities:
     def friction_angle(self, state: str, mu_iso: float | str, family: str = "coupled", **options: Any) -> np.ndarray:
         """Friction angles (Q,) of the points at a state, in degrees: sin phi = 3 eta / (6 + eta).
 
-        options, values and errors as in `state`.
+        In extension sin phi = 3 |eta| / (6 - |eta|).  options, values and errors as in `state`.
         """
-        return friction_angle(_results(self).state(state, "eta", mu_iso, family, **options))
+        eta = _results(self).state(state, "eta", mu_iso, family, **options)
+        return friction_angle(eta, _results(self).loading.direction)
 
     def state_pdf(self, state: str, symbol: str, mu_iso: float | str, family: str = "coupled") -> StatePDF:
         """PDF of a quantity at a state over the points, with mean, std, exceedance and quantile as numbers.

@@ -24,6 +24,8 @@ from .reader import Results, Runs
 FEWEST = 8
 #: log2 of the samples of the inputs, and the number of refits of the inputs (`inputs.measurements`).
 POWER, REFITS = 9, 200
+#: Stresses whose values in undrained tests may span decades, and the largest ratio of two values that have a model.
+STRESSES, SPAN = ("p", "q", "u", "r_u", "s_u"), 5.0
 #: Symbol of the friction angle, which is computed from the stress ratio of every run.
 ANGLE = "phi"
 
@@ -46,7 +48,7 @@ def state_runs(results: Results, state: str, symbol: str, mu_iso: float, family:
     if symbol != ANGLE:
         return results.runs_at(state, symbol, mu_iso, family)
     runs = results.runs_at(state, "eta", mu_iso, family)
-    return runs._replace(values=friction_angle(runs.values))
+    return runs._replace(values=friction_angle(runs.values, results.loading.direction))
 
 
 def state_model(results: Results, state: str, symbol: str, mu_iso: float, family: str = "coupled") -> Surrogate | None:
@@ -91,21 +93,29 @@ def joint_samples(results: Results, power: int) -> np.ndarray:
 def has_model(results: Results, state: str, symbol: str, mu_iso: float, fewest: int = 0) -> bool:
     """Whether a quantity at a state is in the file, varies, and has so many runs; False without a joint distribution.
 
-    fewest: by default `runs_with_moments`.
+    fewest: by default `runs_with_moments`.  False for a stress of undrained tests that varies by more than SPAN: no
+    polynomial follows it.
     """
     fewest = fewest or runs_with_moments(results)
     of_file = "eta" if symbol == ANGLE else symbol
     if not results.inputs["joint"] or of_file not in results.state_symbols(state, mu_iso):
         return False
     values = results.measured(state, of_file, mu_iso)
-    return bool(np.isfinite(values).sum() >= fewest and np.nanstd(values) > 0)
+    known = values[np.isfinite(values)]
+    if len(known) < fewest or not np.nanstd(values) > 0:
+        return False
+    if not results.loading.is_undrained:
+        return True
+    if symbol in STRESSES:
+        return bool(known.min() * known.max() > 0 and 1 / SPAN <= known.min() / known.max() <= SPAN)
+    return symbol != "e" or bool(np.ptp(known) > 1e-9)
 
 
 def state_moments(results: Results, state: str, symbol: str, mu_iso: float) -> StateMoments | None:
     """Moments and quantiles of a quantity at a state of a density; None with too few runs (`runs_with_moments`).
 
     The intervals contain the error of the model and that of the inputs, if the number of measurements behind them is
-    known.  Computed once.
+    known.  Of a state that not all tests reached, they are those of the points that did.  Computed once.
     """
     key = ("state moments", state, symbol, f"{mu_iso:g}")
     return results.cached(key, lambda: _state_moments(results, state, symbol, mu_iso))
@@ -115,11 +125,25 @@ def _state_moments(results: Results, state: str, symbol: str, mu_iso: float) -> 
     model = state_model(results, state, symbol, mu_iso) if has_model(results, state, symbol, mu_iso) else None
     if model is None:
         return None
-    samples = results.cached(("samples of the inputs", POWER), lambda: joint_samples(results, POWER))
-    refits = input_refits(results)
-    behind = measurements_behind(results.inputs, results.pairs)
-    found = moments_and_quantiles(model, samples, levels=QUANTILE_LEVELS, refits=refits, pairs=behind)
+    behind: int | None = measurements_behind(results.inputs, results.pairs)
+    if results.holds_for(state, "eta" if symbol == ANGLE else symbol, mu_iso) < 1.0:
+        samples, probability, refits = _reached(results, state, symbol, mu_iso)
+        behind = None if refits is None else behind
+    else:
+        samples = results.cached(("samples of the inputs", POWER), lambda: joint_samples(results, POWER))
+        probability, refits = None, input_refits(results)
+    found = moments_and_quantiles(model, samples, probability, levels=QUANTILE_LEVELS, refits=refits, pairs=behind)
     return StateMoments(found, float(found.runs_share[0]), model.packings)
+
+
+def _reached(
+    results: Results, state: str, symbol: str, mu_iso: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Inputs (m, d) and probabilities (m,) of the points that reached a state, and those under refits (B, m)."""
+    reached = np.isfinite(state_runs(results, state, symbol, mu_iso).values)
+    refitted = results.bootstrap_probability(mu_iso)
+    of_points = results.family_points().x[reached], results.probability(mu_iso)[reached]
+    return *of_points, None if refitted is None else refitted[:, reached]
 
 
 def input_refits(results: Results) -> np.ndarray | None:

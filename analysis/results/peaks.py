@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..quantities import DRAINED, Loading
 from ..runs.peak_critical import admissible, error_of_fit, local_fits, log_smoother
 from ..surrogates.basis import fewest_runs
 
@@ -43,7 +44,7 @@ class PooledPeaks:
 
 
 def pool_peaks(strain: np.ndarray, eta: np.ndarray, inputs: np.ndarray, packing: np.ndarray) -> PooledPeaks | None:
-    """Peaks of points at the inputs (Q, d) from their stress ratios eta (T, Q) over strain (T,).
+    """Peaks of points at the inputs (Q, d) from their stress ratios eta (T, Q) over strain (T,); -eta in extension.
 
     packing (Q,): that of each point; in the bootstrap, the points of a packing share its noise.  A column of eta that
     is not finite is a point without a run.  None if fewer than FEWEST points have a run.
@@ -70,22 +71,30 @@ def pool_peaks(strain: np.ndarray, eta: np.ndarray, inputs: np.ndarray, packing:
 
 
 def peak_states(
-    strain: np.ndarray, curves: Mapping[str, np.ndarray], peaks: PooledPeaks, single: Mapping[str, np.ndarray]
+    strain: np.ndarray,
+    curves: Mapping[str, np.ndarray],
+    peaks: PooledPeaks,
+    single: Mapping[str, np.ndarray],
+    loading: Loading = DRAINED,
 ) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Peak states (Q,), by symbol, of the points' runs at the pooled peaks, and the standard errors (Q,) of eta.
 
     curves: eta and the other responses (T, Q) over strain (T,), NaN without a run; each is smoothed as a single run
-    is.  single: p and q (Pa) at the runs' own peaks, which give the lateral stress.
+    is.  single: p and q (Pa) at the runs' own peaks, which give the stress that a drained or constant-p' test holds; an
+    undrained one has p' among its curves.  loading: the test; `peaks` are those of its eta times its sign.
     """
     fits, half = local_fits(strain)
     weights, slopes = fits[peaks.row, 0], fits[peaks.row, 1] / half[peaks.row, None]
     states = {symbol: np.einsum("qt,tq->q", weights, values) for symbol, values in curves.items()}
-    states["eta"] = states["eta"] - peaks.bias
+    states["eta"] = states["eta"] - loading.sign * peaks.bias
     states["eps_peak"] = np.where(np.isfinite(states["eta"]), strain[peaks.row], np.nan)
     if "eps_v" in curves:
         d_volume = np.einsum("qt,tq->q", slopes, curves["eps_v"])
-        states["D_p"] = -d_volume / (1.0 - d_volume / 3.0)
-    if {"p", "q"} <= set(single):
+        states["D_p"] = -d_volume / (1.0 - loading.sign * d_volume / 3.0)
+    if loading.path != "drained":
+        states["p"] = states.get("p", single.get("p", np.full(states["eta"].shape, np.nan)))
+        states["q"] = states["eta"] * states["p"]
+    elif {"p", "q"} <= set(single):
         lateral = single["p"] - single["q"] / 3.0
         states["p"] = lateral / (1.0 - states["eta"] / 3.0)
         states["q"] = states["eta"] * states["p"]

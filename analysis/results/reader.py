@@ -31,24 +31,27 @@ from ..inputs.variables import NEEDED
 from ..pdem import weighted
 from ..pdem.pdf import PDF
 from ..points.representative_points import RepresentativePoints
-from ..quantities import CONSOLIDATED, QUANTITIES, STAGE_STATES, Quantity
+from ..quantities import CONSOLIDATED, DIRECTIONS, DRAINED, PATHS, QUANTITIES, STAGE_STATES, Loading, Quantity
 from .densities import density_names
 from .derived import DerivedQuantities
+from .ends import EndsOfTests
 from .standing import PROVEN, Standing, curves_standing
 
-FORMAT, FORMAT_VERSION = "campaign-results", 5
-#: A file whose random variables are mu_s and G_p has this version, so that earlier readers can read it.
-VERSION_OF_PAIRS = 4
+FORMAT, FORMAT_VERSION = "campaign-results", 6
+#: A file has the earliest version that suffices, so that earlier readers can read it: drained compression with mu_s and
+#: G_p as the random variables, or with any variables.
+VERSION_OF_PAIRS, VERSION_OF_INPUTS = 4, 5
 #: Versions that can be read.  In version 3 all points have the first packing of the campaign, and the others are
 #: replicates at some points, from which the offset of the first one was estimated and subtracted.
-READABLE = (3, VERSION_OF_PAIRS, FORMAT_VERSION)
-STATES = ("initial", "peak", "critical", "probe")
+READABLE = (3, VERSION_OF_PAIRS, VERSION_OF_INPUTS, FORMAT_VERSION)
+STATES = ("initial", "transformation", "peak", "strength", "critical", "probe")
+UNDRAINED_STATES = ("transformation", "strength")
 #: States that a test may not reach.
 JUDGED_STATES = ("peak", "critical")
 PROVEN_STATE = Standing(PROVEN, "")
 #: Columns of the table of runs whose name in the file means another quantity in a product: there `drift_eta` is the
 #: slope over the last 10 % of strain, here the fitted relative change over the critical part.
-RENAMED_RUN_COLUMNS = {"drift_eta": "critical_drift_eta", "drift_e": "critical_drift_e"}
+RENAMED_RUN_COLUMNS = {f"drift_{symbol}": f"critical_drift_{symbol}" for symbol in ("eta", "e", "p")}
 
 
 #: Columns without which a table of the file is of no use.
@@ -98,6 +101,12 @@ class Response:
     extended: np.ndarray
     packing: np.ndarray
     pdf: PDF
+    loading: Loading = DRAINED
+
+    @property
+    def going(self) -> np.ndarray:
+        """Whether any test goes on at a strain, (T,): mean and PDF are those of these tests."""
+        return np.isfinite(self.values).any(axis=1)
 
     @property
     def mean(self) -> np.ndarray:
@@ -111,7 +120,7 @@ class Response:
 
     @property
     def strain_pct(self) -> np.ndarray:
-        """Axial strains (T,) in %, the unit of the axis label `QUANTITIES["eps_a"].label`."""
+        """Axial strains (T,) in %, the unit of the axis label `loading.strain_label`; positive in extension, too."""
         return self.strain * QUANTITIES["eps_a"].shown_factor
 
     def quantile(self, q: float) -> np.ndarray:
@@ -126,7 +135,7 @@ class Response:
 
 
 @dataclass(frozen=True)
-class Results(DerivedQuantities):
+class Results(DerivedQuantities, EndsOfTests):
     """A campaign's results: tables in memory; responses and states are read from the file on demand.
 
     Methods take a density as mu_iso or by its name (`density_names`), such as 0.001 or "dense".
@@ -152,6 +161,16 @@ class Results(DerivedQuantities):
         if key not in self._cache:
             self._cache[key] = make()
         return self._cache[key]
+
+    @property
+    def loading(self) -> Loading:
+        """The test: what is held, and the direction."""
+        return Loading(*(str(self.attrs.get(name, usual)) for name, usual in DRAINED._asdict().items()))
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """The states that the test has."""
+        return STATES if self.loading.is_undrained else tuple(s for s in STATES if s not in UNDRAINED_STATES)
 
     def family_densities(self, family: str = "coupled") -> tuple[float, ...]:
         """The densities of a family as consolidation frictions mu_iso, ascending: the densest first."""
@@ -207,8 +226,8 @@ class Results(DerivedQuantities):
     def filled(self, mu_iso: float | str, family: str = "coupled", state: str = "critical") -> np.ndarray:
         """Which points (Q,) of a density were not run for a state; a regression over the inputs gives their values."""
         stage = next((stage for stage, states in STAGE_STATES.items() if state in states), None)
-        if stage is None:
-            raise ResultsError(f"{self.path}: there is no state {state!r}, only {', '.join(STATES)}")
+        if stage is None or state not in self.states:
+            raise ResultsError(f"{self.path}: there is no state {state!r}, only {', '.join(self.states)}")
         with self._open() as file:
             return self._group(file, mu_iso, family, "filled", stage)[()]
 
@@ -249,6 +268,7 @@ class Results(DerivedQuantities):
                 probability=probability,
                 extended=group["extended"][()],
                 packing=self._packing(base),
+                loading=self.loading,
                 pdf=PDF.from_hdf5(group).with_points(values, probability),
             )
 
@@ -262,7 +282,8 @@ class Results(DerivedQuantities):
     ) -> np.ndarray:
         """Values (Q,) of a quantity at a state ("initial", "peak", "critical", "probe"), in SI units.
 
-        NaN where a run is missing.  Values of a state that the tests did not reach (`standing`) are withheld:
+        Undrained tests have "transformation" and "strength", too.  NaN where a run is missing or did not reach the
+        state (`holds_for`).  Values of a state that the tests did not reach (`standing`) are withheld:
         `withheld` is "raise" for a NotReachedError, "nan" for NaN, "show" for the values all the same.  Raises
         ResultsError for an unknown state, quantity, density or family.
         """
@@ -288,8 +309,8 @@ class Results(DerivedQuantities):
         As stored in the file; for files of earlier versions it is computed from the curves.  The initial state and the
         probe need no strain and count as proven.
         """
-        if state not in STATES:
-            raise ResultsError(f"{self.path}: there is no state {state!r}, only {', '.join(STATES)}")
+        if state not in self.states:
+            raise ResultsError(f"{self.path}: there is no state {state!r}, only {', '.join(self.states)}")
         if state not in JUDGED_STATES:
             return PROVEN_STATE
         with self._open() as file:
@@ -301,8 +322,8 @@ class Results(DerivedQuantities):
             attrs = _plain(self._group(file, mu_iso, family, "states", state).attrs)
         if "standing" in attrs:
             return Standing(str(attrs["standing"]), str(attrs["standing_reason"]))
-        curves = {symbol: self.response(symbol, mu_iso, family) for symbol in ("eta", "e")}
-        return curves_standing(state, self.strain, curves)
+        curves = {symbol: self.response(symbol, mu_iso, family) for symbol in self.loading.steady}
+        return curves_standing(state, self.strain, curves, self.loading)
 
     def consolidated(self, symbol: str, mu_iso: float | str, family: str = "coupled") -> tuple[np.ndarray, np.ndarray]:
         """Values (R,) of e, e_m, Z or Z_m after the R consolidations of a density, and probabilities (R,) of sum 1.
@@ -427,6 +448,10 @@ def _read(path: Path, file: h5py.File) -> Results:
     name, version = (one_line(repr(attrs.get(key))) for key in ("format", "format_version"))
     if name != repr(FORMAT) or version not in map(repr, READABLE):
         raise ResultsError(f"{path}: format {name} version {version}, want {FORMAT!r} version {FORMAT_VERSION}")
+    path_of_test, direction = (attrs.get(name, usual) for name, usual in DRAINED._asdict().items())
+    if path_of_test not in PATHS or direction not in DIRECTIONS:
+        test = f"{one_line(repr(path_of_test))}, {one_line(repr(direction))}"
+        raise ResultsError(f"{path}: the test ({test}) is none that is known: {', '.join((*PATHS, *DIRECTIONS))}")
     for name in ("versions", "settings"):
         attrs[name] = _json(path, name, attrs.get(name, "{}"), dict)
     kinds = {"marginals": dict, "copulas": list, "joint": dict, "warnings": list, "specified": dict, "names": list,

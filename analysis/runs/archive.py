@@ -18,7 +18,7 @@ import h5py
 import numpy as np
 
 from ..errors_and_files import GrainScatterError, atomic_write, digest, one_line, open_hdf5, write_hdf5
-from ..quantities import CONSOLIDATED, STAGE_STATES
+from ..quantities import CONSOLIDATED, DRAINED, STAGE_STATES, Loading
 from . import peak_critical
 from .gate import check_product
 from .run_file import Run, _plain
@@ -37,6 +37,8 @@ SAME_STATES = ("aebd68a2264a", "49c981dc949e")
 _ENTRY = "told"
 #: Attributes of RunStates that are kept as JSON; responses and grains are datasets.
 _STATE_FIELDS = ("states", "errors", "steady_end", "critical_from", "unsteady", "drift")
+#: Those that only runs other than drained compression have.
+_LATER_FIELDS = ("loading", "end", "end_strain")
 #: Facts that every archive of this layout has; the others came later.
 _NEEDED = {"reason", "resumed", "step_factor", "script_digest", "cpu_seconds", "wall_seconds", "steps"}
 #: The facts of a run without a product: NaN for numbers, an empty text for texts.
@@ -82,8 +84,14 @@ def run_summary(run: Run) -> RunSummary:
         facts |= {name: float(run.parameters.get(name, np.nan)) for name in SETTINGS}
         facts |= {"critical_from": float(states.critical_from), "unsteady": states.unsteady}
         facts |= {f"drift_{symbol}": float(value) for symbol, value in states.drift.items()}
-        critical = run.record["sigma"][run.record["eps_a"] > states.critical_from]
-        facts |= {f"axes_{name}": value for name, value in peak_critical.off_axis(critical).items()}
+        critical = run.record["sigma"][run.strain > states.critical_from]
+        if len(critical):
+            axes = peak_critical.off_axis(critical, states.loading.sign)
+            facts |= {f"axes_{name}": value for name, value in axes.items()}
+        if states.loading != DRAINED:
+            facts |= states.loading._asdict()
+        if states.end:
+            facts |= {"end_strain": states.end_strain}
     if run.stage == "consolidate":
         facts |= {symbol: float(run.record[symbol][-1]) for symbol in CONSOLIDATED if symbol in run.record}
     if run.stage == "probe" and states is not None:
@@ -119,7 +127,9 @@ class Archive(Mapping[str, RunSummary]):
                 return RunSummary(entry["facts"], None)
             responses = dict(zip(entry["symbols"], rows, strict=True))
             eps_a = {"eps_a": responses.pop("eps_a")} if responses else {}
-            return RunSummary(entry["facts"], RunStates(**eps_a, responses=responses, grains=grains, **entry["states"]))
+            kept = entry["states"]
+            kept |= {"loading": Loading(*kept["loading"])} if "loading" in kept else {}
+            return RunSummary(entry["facts"], RunStates(**eps_a, responses=responses, grains=grains, **kept))
 
     def facts(self) -> dict[str, dict[str, Any]]:
         """Run id -> its facts, for all runs in one reading of the file."""
@@ -152,7 +162,8 @@ def _write(runs: h5py.Group, grains: h5py.Group, run_id: str, summary: RunSummar
     entry: dict[str, Any] = {"facts": summary.facts, "states": None, "symbols": [], "grains": ""}
     rows = None
     if (s := summary.states) is not None:
-        entry["states"] = {name: getattr(s, name) for name in _STATE_FIELDS}
+        fields = (*_STATE_FIELDS, *(_LATER_FIELDS if s.loading != DRAINED else ()))
+        entry["states"] = {name: getattr(s, name) for name in fields}
         curves = {"eps_a": s.eps_a, **s.responses} if s.responses else {}
         entry["symbols"] = list(curves)
         rows = np.array(list(curves.values())) if curves else None

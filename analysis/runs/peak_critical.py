@@ -80,24 +80,29 @@ def stress_ratio(sigma: np.ndarray) -> np.ndarray:
     return deviator_stress(sigma) / mean_stress(sigma)
 
 
-def principal_stress_ratio(sigma: np.ndarray) -> np.ndarray:
-    """eta (...,) from the principal values of stress tensors (..., 3, 3) Pa: (s_1 - (s_2 + s_3) / 2) / p'."""
+def principal_stress_ratio(sigma: np.ndarray, sign: float = 1.0) -> np.ndarray:
+    """eta (...,) from the principal values of stress tensors (..., 3, 3) Pa: (s_1 - (s_2 + s_3) / 2) / p'.
+
+    sign = -1, in extension: (s_3 - (s_1 + s_2) / 2) / p', because the axial stress is the least one.
+    """
     values = np.linalg.eigvalsh(sigma)
-    return (values[..., 2] - 0.5 * (values[..., 0] + values[..., 1])) / mean_stress(sigma)
+    axial, others = (2, (0, 1)) if sign > 0 else (0, (1, 2))
+    return (values[..., axial] - 0.5 * (values[..., others[0]] + values[..., others[1]])) / mean_stress(sigma)
 
 
-def off_axis(sigma: np.ndarray) -> dict[str, float]:
+def off_axis(sigma: np.ndarray, sign: float = 1.0) -> dict[str, float]:
     """How far the axes of stress tensors (T, 3, 3) Pa are from their principal axes.
 
     `off_diagonal`: mean of the largest off-diagonal stress over sigma_1; `eta_windows`: mean stress ratio of the
     principal stresses, window by window, over that of the axes, minus one; `eta_mean`: the same for the mean tensor.
+    sign: that of `principal_stress_ratio`.
     """
     shear = np.abs(sigma[:, [0, 0, 1], [1, 2, 2]]).max(axis=1)
     mean = sigma.mean(axis=0)
     return {
         "off_diagonal": float(np.mean(shear / np.linalg.eigvalsh(sigma)[:, 2])),
-        "eta_windows": float(principal_stress_ratio(sigma).mean() / stress_ratio(sigma).mean() - 1.0),
-        "eta_mean": float(principal_stress_ratio(mean) / stress_ratio(mean) - 1.0),
+        "eta_windows": float(principal_stress_ratio(sigma, sign).mean() / stress_ratio(sigma).mean() - 1.0),
+        "eta_mean": float(principal_stress_ratio(mean, sign) / stress_ratio(mean) - 1.0),
     }
 
 
@@ -122,7 +127,7 @@ def peak_state(
     value from the scatter of the rows, including their correlation.
     Raises TriaxialError for fewer than five rows, strains that do not increase, or values that are not finite.
     """
-    strain, eta = _checked(strain, eta)
+    strain, eta = check_record(strain, eta)
     fits, half = local_fits(strain, width)
     smoothed = fits[:, 0] @ eta
     k = _largest(smoothed, admissible(strain, half))
@@ -138,7 +143,7 @@ def peak_row(strain: np.ndarray, eta: np.ndarray) -> tuple[int, int, int]:
     The curve is smoothed by `log_smoother`; it is sought where `peak_state` seeks it.  A maximum at one of the two is
     no peak.  Raises TriaxialError as `peak_state` does.
     """
-    strain, eta = _checked(strain, eta)
+    strain, eta = check_record(strain, eta)
     inside = admissible(strain, local_fits(strain)[1])
     rows = np.flatnonzero(inside)
     loaded = strain > 0
@@ -163,7 +168,7 @@ def critical_state(
     steady.  Raises TriaxialError as `peak_state` does.
     """
     tolerance = {"eta": 0.05, "e": 0.01} if tolerance is None else tolerance
-    strain = _checked(strain, *values.values())[0]
+    strain = check_record(strain, *values.values())[0]
     reason = ""
     if strain[-1] - start < block * (1.0 - 1e-9):
         reason = f"the record ends at eps_a = {strain[-1]:.3g}, less than a block of {block:g} past {start:g}"
@@ -204,18 +209,20 @@ def dilatancy(
     K: float = np.inf,
     G: float = np.inf,
     width: float = SMOOTHING,
+    sign: float = 1.0,
 ) -> np.ndarray:
     """D_p = -d eps_v^p / d eps_q^p (T,) along a test, without the elastic parts dp'/K and dq/(3 G).
 
-    strain (axial) and eps_v (T,); p and q (T,) Pa; K and G Pa, infinite to keep the elastic parts.  The slopes come
-    from the same local fits as in `smooth`.  Early rows, where the strain is mostly elastic, are as uncertain as the
-    moduli.  Raises TriaxialError as `peak_state` does.
+    strain (axial) and eps_v (T,); p and q (T,) Pa; K and G Pa, infinite to keep the elastic parts.  sign = -1 in
+    extension: strain, which increases, is minus the axial one, and D_p is positive where the sample dilates, too.  The
+    slopes come from the same local fits as in `smooth`.  Early rows, where the strain is mostly elastic, are as
+    uncertain as the moduli.  Raises TriaxialError as `peak_state` does.
     """
-    strain, eps_v, p, q = _checked(strain, eps_v, p, q)
+    strain, eps_v, p, q = check_record(strain, eps_v, p, q)
     fits, half = local_fits(strain, width)
     slopes = fits[:, 1] / half[:, None]
     d_volume = slopes @ eps_v
-    return -(d_volume - slopes @ p / K) / (1.0 - d_volume / 3.0 - slopes @ q / (3.0 * G))
+    return -(d_volume - slopes @ p / K) / (1.0 - sign * d_volume / 3.0 - sign * (slopes @ q) / (3.0 * G))
 
 
 def smooth(strain: np.ndarray, values: np.ndarray, width: float = SMOOTHING) -> np.ndarray:
@@ -298,7 +305,8 @@ def error_of_fit(strain: np.ndarray, y: np.ndarray, fit: np.ndarray, half: float
     return float(np.sqrt(variance * (fit[0] @ R @ fit[0])))
 
 
-def _checked(strain: np.ndarray, *values: np.ndarray) -> list[np.ndarray]:
+def check_record(strain: np.ndarray, *values: np.ndarray) -> list[np.ndarray]:
+    """Strain and values (T,) as arrays.  Raises TriaxialError as `peak_state` does."""
     arrays = [np.asarray(a, float) for a in (strain, *values)]
     rows = len(arrays[0])
     if rows < 5:

@@ -16,12 +16,14 @@ import numpy as np
 
 from ..errors_and_files import RunFileError, one_line, open_hdf5
 from ..micromechanics.snapshot import Snapshot, SnapshotError, check_snapshot
-from ..quantities import RECORD
+from ..quantities import RECORD, Loading
 
 FORMAT, VERSION = "dem-run", 1
 STAGES = ("consolidate", "shear", "probe")
 #: Energies that a shear run accumulates up to its `energy_strain` only; NaN in the rows beyond.
 ENDING = ("E_elastic", "E_friction", "E_damping")
+#: Quantities without a finite value where no contacts are left, after a test has liquefied.
+OF_CONTACTS = ("e_m", "Z_m", "Phi", "f_sliding", "I", "F_unb")
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,22 @@ class Run:
     probe: dict[str, Any] | None
     snapshots: tuple[tuple[str, float, str], ...]
     attrs: dict[str, Any]
+
+    @property
+    def loading(self) -> Loading:
+        """The test of a shear run; drained compression where the product does not state it."""
+        usual = Loading()
+        return Loading(*(str(self.parameters.get(name, default)) for name, default in usual._asdict().items()))
+
+    @property
+    def strain(self) -> np.ndarray:
+        """Axial strain (T,) of the record in the direction of the test, so that it increases."""
+        return self.loading.sign * self.record["eps_a"]
+
+    @property
+    def rows_before_end(self) -> int:
+        """Rows of the record before the test liquefied; all rows if it did not."""
+        return _rows_before(self.strain, self.attrs)
 
 
 _ARRAYS = tuple(f.name for f in fields(Snapshot) if f.name not in ("eps_a", "label", "where"))
@@ -101,7 +119,7 @@ def read_run(path: str | Path) -> Run:
             parameters=_plain(file["parameters"].attrs),
             timing=_plain(file["timing"].attrs),
             proofs=_plain(file["proofs"].attrs),
-            record=_Record(path, _record_shapes(path, file)),
+            record=_Record(path, _record_shapes(path, file), attrs),
             probe=probe,
             snapshots=_snapshot_list(file),
             attrs=attrs,
@@ -162,9 +180,13 @@ def read_snapshot(source: str | Path | Run, k: int | str = -1, check: bool = Tru
 class _Record(Mapping[str, np.ndarray]):
     """Record arrays by symbol, read from the file when first used and then kept."""
 
-    def __init__(self, path: Path, shapes: dict[str, tuple[int, ...]]):
-        self._path, self._shapes = path, shapes
+    def __init__(self, path: Path, shapes: dict[str, tuple[int, ...]], attrs: Mapping[str, Any]):
+        self._path, self._shapes, self._attrs = path, shapes, attrs
+        self._liquefied = attrs.get("exit_reason") == "liquefied"
         self._read: dict[str, np.ndarray] = {}
+
+    def _rows(self) -> int:
+        return _rows_before(np.abs(self["eps_a"]), self._attrs)
 
     def __getitem__(self, symbol: str) -> np.ndarray:
         if symbol not in self._read:
@@ -172,7 +194,8 @@ class _Record(Mapping[str, np.ndarray]):
                 raise RunFileError(f"{self._path}: /record has no {symbol}")
             with open_hdf5(self._path, RunFileError, "run file") as file:
                 values = _numbers(f"{self._path}: /record", file["record"], symbol)
-            if values.dtype.kind == "f" and (row := _first_bad(values, may_end=symbol in ENDING)) is not None:
+            checked = values[: self._rows()] if symbol in OF_CONTACTS and self._liquefied else values
+            if values.dtype.kind == "f" and (row := _first_bad(checked, may_end=symbol in ENDING)) is not None:
                 raise RunFileError(f"{self._path}: /record/{symbol}[{row}] is not finite")
             self._read[symbol] = values
         return self._read[symbol]
@@ -193,6 +216,22 @@ def _first_bad(values: np.ndarray, may_end: bool) -> int | None:
     if may_end and finite.any():
         finite = finite[: int(np.flatnonzero(finite)[-1]) + 1]
     return None if finite.all() else int(np.flatnonzero(~finite)[0])
+
+
+def _rows_before(strain: np.ndarray, attrs: Mapping[str, Any]) -> int:
+    """Rows of strain (T,) whose window ends before the strain `liquefied_from`, at least the first; T without it.
+
+    A row holds the mean strain of its window, which ends about half way to the next row.
+    """
+    if attrs.get("exit_reason") != "liquefied":
+        return len(strain)
+    start = attrs.get("liquefied_from")
+    if not isinstance(start, (int, float)) or isinstance(start, bool) or not np.isfinite(start):
+        return len(strain)
+    steps = np.diff(strain)
+    ends = strain + 0.5 * np.append(steps, steps[-1:])
+    ends[0] = strain[0]
+    return max(1, int(np.argmax(ends > start)) if (ends > start).any() else len(strain))
 
 
 def _record_shapes(path: Path, file: h5py.File) -> dict[str, tuple[int, ...]]:

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from ..quantities import DRAINED
 from ..results.reader import Results, ResultsError
 from ..surrogates.surrogate import FEWEST_PACKINGS
 from . import claim_statistics as statistics
@@ -244,12 +245,14 @@ def claims_table(results: Results) -> pd.DataFrame:
 
     A claim is inconclusive if the campaign lacks its quantities or its number is not finite.  `points_to_decide`: about
     how many points with packings of their own would decide an inconclusive claim, if its value is the true one;
-    `to_decide`: in words what would decide it, which need not be more points.
+    `to_decide`: in words what would decide it, which need not be more points.  No rows unless the test is the paper's,
+    drained compression.
     """
+    usual = results.loading == DRAINED
     families = [family for family in results.families if family in ("coupled", "G_p")]
     samples = {family: sample(results, family) for family in families}
     rows = []
-    for claim in (claim for claim in CLAIMS if claim.applies(results)):
+    for claim in (claim for claim in CLAIMS if usual and claim.applies(results)):
         number = partial(_evaluate, claim, samples)
         value, low, high = inverted(number) if claim.distance else drawn(number)
         outcome = verdict(low, high, claim.sense, claim.limit)

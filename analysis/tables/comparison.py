@@ -17,18 +17,23 @@ import pandas as pd
 
 from ..inputs.measurements import measurements_behind
 from ..quantities import QUANTITIES
-from ..results.models import POWER, input_refits, joint_samples, runs_with_moments
+from ..results.models import POWER, STRESSES, input_refits, joint_samples, runs_with_moments
 from ..results.reader import Results
 from ..surrogates import distribution
 from ..surrogates.distribution import Estimate, Sampled
 from .columns import named, unit, with_interval
+from .critical_line import critical_lines, critical_offsets, critical_points
 from .moments import AS_SIMULATED, DENOISED, NUMBERS
-from .pooled_states import POOLED, PooledState, pooled_states
+from .pooled_states import PooledState, pooled, pooled_states
+from .strength import EXTENSION, directions
 
 #: Sections of the settings that do not change results.
 LEFT_OUT = ("run",)
 #: The family of runs that is compared.
 FAMILY = "coupled"
+#: Quantities that have the other sign in extension: their difference from compression means nothing.
+SIGNED = ("eta", "q")
+OTHER_SIGN = "It has the other sign: compression and extension are beside each other in the tables of directions."
 DIFFERENCES = ["campaign", "mu_iso", "state", "quantity", "unit", "kind", "number", "reference", "value",
                *with_interval("difference"), "excludes_zero", "packings_reference", "packings"]  # fmt: skip
 
@@ -44,6 +49,12 @@ class Comparison:
     def pairs(self) -> Iterator[tuple[str, Results]]:
         """Name and results of each campaign."""
         return zip(self.names, self.results, strict=True)
+
+    @property
+    def strain_label(self) -> str:
+        """Axis label of the axial strain: extension only if all campaigns are in extension."""
+        labels = {results.loading.strain_label for results in self.results}
+        return labels.pop() if len(labels) == 1 else QUANTITIES["eps_a"].label
 
     @cached_property
     def densities(self) -> tuple[float, ...]:
@@ -83,14 +94,24 @@ def comparison(results: Sequence[Results]) -> Comparison:
 
 
 def comparison_tables(of: Comparison) -> dict[str, pd.DataFrame]:
-    """Table name -> frame: settings, moments, differences, responses, not_compared."""
+    """Table name -> frame: settings, moments, differences, responses, not_compared.
+
+    With campaigns of more than drained compression at one p', also critical_lines and critical_offsets, where p' varies
+    enough, and directions, where both are there (without rows otherwise); critical_points is for the figure.
+    """
     moments, differences, left_out = _states(of)
+    points, of_directions = critical_points(list(of.pairs)), directions(list(of.pairs))
+    lines = critical_lines(points)
     return {
         "settings": settings(of),
         "differences": differences,
         "moments": moments,
         "responses": responses(of),
         "not_compared": pd.DataFrame([*_missing(of), *left_out], columns=["what", "campaign", "reason"]),
+        "critical_points": points if len(lines) or len(of_directions) else points.iloc[:0],
+        "critical_lines": lines,
+        "critical_offsets": critical_offsets(points),
+        "directions": of_directions,
     }
 
 
@@ -122,6 +143,12 @@ def responses(of: Comparison) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
 
+def predicted_extension(table: pd.DataFrame) -> dict[str, float]:
+    """Surface -> mean critical stress ratio in extension that it gives for compression, from the table `directions`."""
+    critical = table[table["state"] == "critical"]
+    return {name: float(critical[name].mean()) for name in EXTENSION if critical[name].notna().any()}
+
+
 def shared_packings(of: Comparison) -> list[str]:
     """Names of the campaigns that have packings of the reference: the same spheres at the same places."""
     reference = _packings(of.results[0])
@@ -140,6 +167,7 @@ def _settings(results: Results) -> dict[str, str]:
     for section, keys in results.attrs["settings"].items():
         if section not in LEFT_OUT and isinstance(keys, dict):
             table |= {f"{section}.{key}": json.dumps(value) for key, value in keys.items()}
+    table |= {"test": results.loading.words}
     table |= {"measured pairs": str(len(results.pairs)), "points": str(len(results.points))}
     runs = results.runs
     if "N" in runs:
@@ -179,7 +207,7 @@ def _states(of: Comparison) -> tuple[pd.DataFrame, pd.DataFrame, list[tuple[str,
     statistics = {key: _sampled(of, key[0], state) for key, state in found.items()}
     same_pairs = [np.array_equal(of.results[0].pairs, results.pairs) for results in of.results]
     for mu_iso in of.densities:
-        for state, symbol in POOLED:
+        for state, symbol in dict.fromkeys(pair for results in of.results for pair in pooled(results)):
             there = [k for k in range(len(of.names)) if (k, mu_iso, state, symbol) in found]
             for k in sorted({*range(len(of.names))} - {*there}):
                 if there and any(name == of.names[k] for name, _, _ in of.with_density(mu_iso)):
@@ -191,7 +219,10 @@ def _states(of: Comparison) -> tuple[pd.DataFrame, pd.DataFrame, list[tuple[str,
                 head = (of.names[k], mu_iso, state, symbol, unit(symbol))
                 rows += [(*head, kind, *(factor * values)) for kind, values in _values(statistics[key])]
                 first = (0, mu_iso, state, symbol)
-                if k and first in found:
+                signs = {of.results[i].loading.sign for i in (0, k)}
+                if k and first in found and len(signs) > 1 and symbol in SIGNED:
+                    left_out.append((f"{symbol}, {state}, mu_iso = {mu_iso:g}", of.names[k], OTHER_SIGN))
+                elif k and first in found:
                     pair = distribution.difference(statistics[first], statistics[key], same_pairs[k])
                     packings = (found[first].model.packings, found[key].model.packings)
                     differences += _difference_rows(head, statistics[first], statistics[key], pair, factor, packings)
@@ -203,9 +234,9 @@ def _models(of: Comparison) -> dict[tuple[int, float, str, str], PooledState]:
     """Place of the campaign, density, state, quantity -> its model."""
     found = {}
     for k, results in enumerate(of.results):
-        for pooled in pooled_states(results, POWER, runs_with_moments(results)):
-            mu_iso = next(m for m in of.densities if _same(m, pooled.mu_iso))
-            found[k, mu_iso, pooled.state, pooled.symbol] = pooled
+        for each in pooled_states(results, POWER, runs_with_moments(results)):
+            mu_iso = next(m for m in of.densities if _same(m, each.mu_iso))
+            found[k, mu_iso, each.state, each.symbol] = each
     return found
 
 
@@ -248,7 +279,10 @@ def _why_no_model(results: Results, mu_iso: float, state: str, symbol: str) -> s
     standing = results.standing(state, mu_iso)
     if not standing.shown:
         return f"The state is withheld: {standing.status}."
+    if (share := results.holds_for(state, symbol, mu_iso)) < 1.0:
+        return f"The state is that of {100 * share:.0f} % of the probability only; the other tests did not reach it."
     count, needed = int(np.isfinite(results.measured(state, symbol, mu_iso)).sum()), runs_with_moments(results)
-    return (
-        f"It has values of {count} runs; at least {needed} runs are needed." if count < needed else "It does not vary."
-    )
+    if count < needed:
+        return f"It has values of {count} runs; at least {needed} runs are needed."
+    spread = results.loading.is_undrained and symbol in STRESSES
+    return "It varies by more than a factor of 5; no model follows it." if spread else "It does not vary."

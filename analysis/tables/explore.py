@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..pdem.evolution import evolve
+from ..pdem.conditional import evolve_known
 from ..pdem.pdf import PDF
-from ..quantities import QUANTITIES, RESPONSES
+from ..quantities import QUANTITIES, responses_of
 from ..results.models import curve_model
 from ..results.reader import Results
 from .columns import unit
@@ -23,18 +23,21 @@ CELLS = 200
 def explore_data(results: Results) -> dict[str, Any]:
     """Everything that the page needs, ready for JSON; values in displayed units.
 
-    `sets`: one entry per family and density with its points, and by kind and response the values (T, Q) of the points
-    and the PDF (T, X) with its first cell centre and cell width. Arrays are base64 of little-endian float32, by rows.
+    `axial`: what strains are called. `sets`: one entry per family and density with its points, and by kind and response
+    the values (T, Q) of the points and the PDF (T, X) with its first cell centre and cell width. Arrays are base64 of
+    little-endian float32, by rows.
     """
     sets = list(_sets(results))
     there = {symbol for each in sets for symbol in each["kinds"][AS_SIMULATED]}
-    symbols = [symbol for symbol in QUANTITIES if symbol in there and symbol not in RESPONSES]
-    symbols = [symbol for symbol in RESPONSES if symbol in there] + symbols
+    usual = responses_of(results.loading.path)
+    symbols = [symbol for symbol in QUANTITIES if symbol in there and symbol not in usual]
+    symbols = [symbol for symbol in usual if symbol in there] + symbols
     inputs = [name for name in results.points.columns() if name not in ("id", "probability")]
     return {
         "campaign": str(results.attrs.get("campaign", "")),
         "created": str(results.attrs.get("created", "")),
         "strain": (100 * results.strain).tolist(),
+        "axial": "Axial strain" if results.loading.sign > 0 else "Axial extension",
         "kinds": [AS_SIMULATED, DENOISED],
         "quantities": {name: _described(name) for name in (*symbols, *inputs)},
         "responses": symbols,
@@ -44,12 +47,17 @@ def explore_data(results: Results) -> dict[str, Any]:
 
 
 def denoised_pdf(results: Results, symbol: str, mu_iso: float, family: str = "coupled") -> PDF | None:
-    """PDF of a response along strain from the denoised values of the points, in SI units; None with too few runs."""
+    """PDF of a response along strain from the denoised values of the points, in SI units; None with too few runs.
+
+    Undrained, the points whose tests go on.
+    """
     model = curve_model(results, symbol, mu_iso, family)
     if model is None:
         return None
-    probability = results.probability(mu_iso, family)
-    return evolve(model.predict(results.family_points(family).x), probability, results.strain)
+    probability, denoised = results.probability(mu_iso, family), model.predict(results.family_points(family).x)
+    if results.loading.is_undrained:
+        denoised = np.where(np.isfinite(results.response(symbol, mu_iso, family).values), denoised, np.nan)
+    return evolve_known(denoised, probability, results.strain)
 
 
 def _sets(results: Results) -> Iterator[dict[str, Any]]:

@@ -20,8 +20,8 @@ import numpy as np
 import pandas as pd
 
 from ..errors_and_files import atomic_write
-from ..quantities import QUANTITIES
-from ..results.reader import STATES, Results, ResultsError
+from ..quantities import EARLY_ENDS, QUANTITIES
+from ..results.reader import Results, ResultsError
 from .registry import without_formulas
 
 #: Rows of a sheet of Excel, its heading included.
@@ -32,11 +32,13 @@ COLUMNS = {
     "point": ("1", "number of the representative point, as `id` in points; -1: shared by the points"),
     "family": ("", "family of runs: coupled (all inputs vary) or G_p (mu_s is fixed)"),
     "mu_iso": ("1", "interparticle friction during consolidation; it stands for the density"),
-    "state": ("", "initial, peak or critical state of the shear run, or probe"),
+    "state": ("", "initial, peak or critical state of the shear run, or probe; undrained: transformation, strength"),
     "standing": ("", "standing of the state: proven, not proven at this size, or not reached"),
     "quantity": ("", "symbol, see quantities"),
-    "strain": ("1", "axial strain, logarithmic"),
-    "value": ("unit of the quantity, see quantities", "value of the point; empty: no run, or state not reached"),
+    "strain": ("1", "axial strain, logarithmic; positive in extension, too"),
+    "end": ("", "how an undrained test ended early: liquefied, stiff, or empty"),
+    "value": ("unit of the quantity, see quantities",
+              "value of the point; empty: no run, state not reached, or the test has ended"),
     "probability": ("1", "probability of the point; points without a value have zero, and their sum is 1"),
     "filled": ("1", "1: no run, the value comes from a model over the inputs"),
     "continued": ("1", "1: the run stopped early in the steady state, the value continues it"),
@@ -57,8 +59,11 @@ RUN_COLUMNS = {
     "wall_seconds": ("s", "elapsed time since the last start"),
     "particle_steps_per_cpu_second": ("1/s", "spheres times steps over CPU time"),
     "max_inertial_number": ("1", "largest inertial number"),
-    "servo_mean_error": ("1", "largest error of a window mean of the lateral stress"),
-    "servo_max_error": ("1", "largest error of a single sample of the lateral stress"),
+    "servo_mean_error": ("1", "largest error of a window mean of what is held: lateral stress, p' or volume"),
+    "servo_max_error": ("1", "largest error of a single sample of what is held"),
+    "path": ("", "what the test holds: drained (sigma_3), constant_p, undrained (volume)"),
+    "direction": ("", "compression or extension"),
+    "end_strain": ("1", "axial strain at which an undrained test liquefied or became stiff"),
     "energy_error": ("1", "error of the energy balance over the boundary work"),
     "inertial_number": ("1", "inertial number that was set"),
     "strain_end": ("1", "final axial strain that was set"),
@@ -71,6 +76,7 @@ RUN_COLUMNS = {
     "probe_off": ("1", "relative difference of G_0 between probe and static network"),
     "critical_from": ("1", "axial strain at which the critical part begins"),
     "critical_drift_eta": ("1", "relative change of the stress ratio over the critical part"),
+    "critical_drift_p": ("1", "relative change of p' over the critical part"),
     "critical_drift_e": ("1", "relative change of the void ratio over the critical part"),
     "created": ("", "when the product was written (UTC)"),
     "yade_version": ("", "version of YADE"),
@@ -94,6 +100,7 @@ def export_tables(results: Results) -> dict[str, Callable[[], pd.DataFrame]]:
         "states": lambda: pd.concat(_states(results), ignore_index=True),
         "responses": lambda: pd.concat(_responses(results), ignore_index=True),
         "pdfs": lambda: pd.concat(_pdfs(results), ignore_index=True),
+        **({"ends": lambda: pd.concat(_ends(results), ignore_index=True)} if results.loading.is_undrained else {}),
         "pairs": lambda: pd.DataFrame(results.pairs, columns=_inputs(results)[: results.pairs.shape[1]]),
         "quantities": lambda: _quantities(results),
     }
@@ -167,7 +174,7 @@ def _states(results: Results) -> Iterator[pd.DataFrame]:
     for family, mu_iso in _densities(results):
         points, probability = results.family_points(family), results.probability(mu_iso, family)
         packing = results.packing(mu_iso, family)
-        for state in STATES:
+        for state in results.states:
             symbols = results.state_symbols(state, mu_iso, family)
             filled = results.filled(mu_iso, family, state) if symbols else None
             for symbol in symbols:
@@ -193,6 +200,19 @@ def _responses(results: Results) -> Iterator[pd.DataFrame]:
             })  # fmt: skip
 
 
+def _ends(results: Results) -> Iterator[pd.DataFrame]:
+    """Every point of an undrained campaign: how and at which strain its test ended early, if it did."""
+    for family, mu_iso in _densities(results):
+        ids, probability = results.family_points(family).id, results.probability(mu_iso, family)
+        frame = pd.DataFrame({"family": family, "mu_iso": mu_iso, "point": ids, "probability": probability,
+                              "packing": results.packing(mu_iso, family), "end": "", "strain": np.nan})  # fmt: skip
+        for kind in EARLY_ENDS:
+            ended = results.ended(kind, mu_iso, family)
+            place = np.searchsorted(ids, ended.point)
+            frame.loc[place, "end"], frame.loc[place, "strain"] = kind, ended.at
+        yield frame
+
+
 def _pdfs(results: Results) -> Iterator[pd.DataFrame]:
     for family, mu_iso in _densities(results):
         for symbol in results.symbols(mu_iso, family):
@@ -215,7 +235,7 @@ def _quantities(results: Results) -> pd.DataFrame:
     symbols: dict[str, None] = dict.fromkeys(_inputs(results))
     for family, mu_iso in _densities(results):
         symbols |= dict.fromkeys(results.symbols(mu_iso, family))
-        symbols |= {s: None for state in STATES for s in results.state_symbols(state, mu_iso, family)}
+        symbols |= {s: None for state in results.states for s in results.state_symbols(state, mu_iso, family)}
     rows: list[dict[str, Any]] = []
     for symbol in symbols:
         of = QUANTITIES[symbol]
@@ -230,7 +250,9 @@ def _columns(tables: dict[str, Callable[[], pd.DataFrame]]) -> pd.DataFrame:
     heads = {"states": ["family", "mu_iso", "state", "standing", "quantity", "point", "packing", "value", "probability",
                         "filled"],
              "responses": ["family", "mu_iso", "quantity", "strain", "point", "value", "probability", "continued"],
-             "pdfs": ["family", "mu_iso", "quantity", "strain", "x", "pdf"]}  # fmt: skip
+             "pdfs": ["family", "mu_iso", "quantity", "strain", "x", "pdf"],
+             "ends": ["family", "mu_iso", "point", "probability", "packing", "end", "strain"]}  # fmt: skip
+    heads = {name: columns for name, columns in heads.items() if name in tables}
     heads |= {name: tables[name]().columns.tolist() for name in ("points", "pairs", "runs")}
     for name, columns in heads.items():
         for column in columns:

@@ -19,9 +19,16 @@ from .columns import unit
 #: Frictions that are tabled, as far as the runs reach.
 FRICTIONS = (0.065, 0.10, 0.15, 0.25, 0.40, 0.50, 0.65)
 RESPONSES = (("peak", "eta"), ("critical", "eta"), ("critical", "e"), ("critical", "Z"))
+#: Those of undrained tests.
+UNDRAINED = (("transformation", "eta"), ("peak", "eta"), ("critical", "eta"), ("critical", "Z"))
 LEVEL = 0.95
 COLUMNS = ["state", "quantity", "unit", "mu_s", "G_p_GPa", "mu_iso", "value", "ci95", "diff_from_mean", "diff_ci95",
            "differs"]  # fmt: skip
+
+
+def responses(results: Results) -> tuple[tuple[str, str], ...]:
+    """States and quantities of a campaign that are followed along friction."""
+    return UNDRAINED if results.loading.is_undrained else RESPONSES
 
 
 def variable_along(results: Results, symbol: str, mu_s: np.ndarray) -> np.ndarray:
@@ -54,13 +61,15 @@ def differences_along(
     """mu_iso -> difference from the mean of all densities and its 95 % half width (n,) at the frictions mu_s (n,).
 
     A point has the same packing number at every density, so the model is that of the runs' differences: what the
-    densities share does not count.  NaN with one density.
+    densities share does not count.  NaN with one density, or if too few points have a value at all of them.
     """
     runs = _runs(results, state, symbol)
     if len(runs) < 2:
         return {m: (np.full(len(mu_s), np.nan), np.full(len(mu_s), np.nan)) for m in runs}
     mean = np.mean([r.values for r in runs.values()], axis=0)
-    return {m: _at(results, model_of(results, r._replace(values=r.values - mean)), mu_s) for m, r in runs.items()}
+    models = {m: model_of(results, r._replace(values=r.values - mean)) for m, r in runs.items()}
+    unknown = (np.full(len(mu_s), np.nan), np.full(len(mu_s), np.nan))
+    return {m: unknown if model is None else _at(results, model, mu_s) for m, model in models.items()}
 
 
 def _runs(results: Results, state: str, symbol: str) -> dict[float, Runs]:
@@ -91,7 +100,7 @@ def friction_table(results: Results) -> pd.DataFrame:
     """
     rows = []
     points, densities = results.family_points().mu_s, results.family_densities()
-    for state, symbol in RESPONSES:
+    for state, symbol in responses(results):
         if "mu_s" not in results.points.names or any(symbol not in results.state_symbols(state, m) for m in densities):
             continue
         run = np.all([np.isfinite(results.measured(state, symbol, m)) for m in densities], axis=0)
@@ -113,16 +122,21 @@ def friction_table(results: Results) -> pd.DataFrame:
 def friction_curves(results: Results, count: int = 60) -> pd.DataFrame:
     """States along friction for a picture: `count` values of mu_s over the range of the points, in displayed units.
 
-    Columns state, quantity, unit, mu_iso, mu_s, value and its 95 % half width ci95 (`along_friction`).
+    Columns state, quantity, unit, mu_iso, mu_s, value and its 95 % half width ci95 (`along_friction`).  Where tests
+    ended early, the range is that of the points that reached the state.
     """
     points = results.family_points()
     mu_s = np.geomspace(points.mu_s.min(), points.mu_s.max(), count if "mu_s" in points.names else 1)
     parts = []
-    for state, symbol in RESPONSES:
+    for state, symbol in responses(results):
         factor = QUANTITIES[symbol].shown_factor
         for mu_iso, (value, half) in along_friction(results, state, symbol, mu_s).items():
             columns = {"state": state, "quantity": symbol, "unit": unit(symbol), "mu_iso": mu_iso, "mu_s": mu_s}
-            parts.append(pd.DataFrame(columns | {"value": value * factor, "ci95": half * factor}))
+            frame = pd.DataFrame(columns | {"value": value * factor, "ci95": half * factor})
+            if results.has_early_ends(mu_iso):
+                reached = points.mu_s[np.isfinite(results.measured(state, symbol, mu_iso))]
+                frame = frame[(frame["mu_s"] >= reached.min()) & (frame["mu_s"] <= reached.max())]
+            parts.append(frame)
     empty = pd.DataFrame(columns=["state", "quantity", "unit", "mu_iso", "mu_s", "value", "ci95"])
     return pd.concat(parts, ignore_index=True) if parts else empty
 
@@ -141,5 +155,5 @@ def density_differences(table: pd.DataFrame) -> pd.DataFrame:
         "differences": len(decided),
         "outside": int((decided["differs"] == "yes").sum()),
         "largest_pct": 100 * (decided["diff_from_mean"] / mean).abs().max(),
-        "widest_ci95_pct": 100 * (decided["diff_ci95"] / mean).max(),
+        "widest_ci95_pct": 100 * (decided["diff_ci95"] / mean.abs()).max(),
     }])  # fmt: skip

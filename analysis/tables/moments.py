@@ -9,16 +9,19 @@ import pandas as pd
 
 from ..quantities import QUANTITIES
 from ..results.models import state_moments
-from ..results.quote import QUOTED
+from ..results.quote import quoted
 from ..results.reader import Results
 from ..surrogates.distribution import Distribution
 from .columns import QUANTILES, unit, with_interval
-from .pooled_states import POOLED
+from .pooled_states import pooled
 
 DENOISED, AS_SIMULATED = "denoised", "as simulated"
 NUMBERS = ("mean", "sd", *QUANTILES)
-#: States and quantities of the table: those that are quoted (friction angles have a table of their own) and pooled.
-TABLED = tuple(dict.fromkeys([*(of for of in QUOTED if of[1] != "phi"), *POOLED]))
+
+
+def tabled(results: Results) -> list[tuple[str, str]]:
+    """States and quantities of the table: those quoted (friction angles have a table of their own) and pooled."""
+    return list(dict.fromkeys([*(of for of in quoted(results) if of[1] != "phi"), *pooled(results)]))
 
 
 def moments(results: Results) -> pd.DataFrame:
@@ -30,18 +33,19 @@ def moments(results: Results) -> pd.DataFrame:
     squared width of the interval of the mean that more or larger runs could remove; the rest is due to the number of
     measurements.  `packings`: their number; with one or two the intervals lack what all points share through them.
     """
-    rows = []
+    rows, undrained = [], results.loading.is_undrained
     for mu_iso in results.family_densities():
-        for state, symbol in TABLED:
+        for state, symbol in tabled(results):
             found = state_moments(results, state, symbol, mu_iso)
             if found is None:
                 continue
             factor = QUANTITIES[symbol].shown_factor
             of_state = (mu_iso, state, symbol, unit(symbol))
+            holds_for = (results.holds_for(state, symbol, mu_iso),) if undrained else ()
             for kind, numbers in kinds(found.distribution):
-                rows.append((*of_state, kind, *(factor * numbers), found.runs_share, found.packings))
+                rows.append((*of_state, kind, *(factor * numbers), found.runs_share, found.packings, *holds_for))
     columns = ["mu_iso", "state", "quantity", "unit", "kind", *(c for n in NUMBERS for c in with_interval(n))]
-    return pd.DataFrame(rows, columns=[*columns, "runs_share", "packings"])
+    return pd.DataFrame(rows, columns=[*columns, "runs_share", "packings", *(["holds_for"] if undrained else [])])
 
 
 def kinds(found: Distribution) -> Iterator[tuple[str, np.ndarray]]:

@@ -18,6 +18,8 @@ import pandas as pd
 from ..errors_and_files import atomic_write
 from ..results.reader import Results, ResultsError, read_results
 from .claims import claims_table
+from .critical_line import lines_of_one, of_one
+from .ends import ends, ends_along
 from .friction import density_differences, friction_curves, friction_table
 from .friction_angles import friction_angle_table
 from .inputs import copulas, marginals, points
@@ -44,13 +46,15 @@ from .run_quality import (
 )
 from .states import initial_state, peak_critical, responses_moments
 from .stopping_replay import stopping_replay
+from .strength import extension_strength
 from .variance_sources import variance_sources
 
 Table = Callable[[Results], pd.DataFrame]
 #: First characters of a cell that a spreadsheet takes for a formula.
 FORMULA_BEGINS = ("=", "+", "-", "@", "\t", "\r")
 
-#: Name of the CSV file without its ending -> function of the open results that returns the frame.
+#: Name of the CSV file without its ending -> function of the open results that returns the frame; the last four are
+#: without columns, and not written, where the test has no such thing.
 TABLES: dict[str, Table] = {
     "quote": Results.quote,
     "marginals": marginals,
@@ -68,6 +72,10 @@ TABLES: dict[str, Table] = {
     "monte_carlo_along_strain": monte_carlo_along,
     "stopping_replay": stopping_replay,
     "runs": runs,
+    "ends": ends,
+    "ends_along_strain": ends_along,
+    "extension_strength": extension_strength,
+    "critical_lines": lines_of_one,
 }
 #: Frames that only the report and the figures show.
 REPORT_TABLES: dict[str, Table] = {
@@ -87,6 +95,7 @@ REPORT_TABLES: dict[str, Table] = {
     "pdf_widths": pdf_widths,
     "losses": losses,
     "friction_curves": friction_curves,
+    "critical_points": of_one,
     "fidelity": fidelity,
     "beyond": beyond,
 }

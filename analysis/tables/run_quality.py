@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from ..pdem import weighted
-from ..quantities import QUANTITIES
+from ..quantities import QUANTITIES, Loading
 from ..results.models import state_model
 from ..results.reader import JUDGED_STATES, Results
 from ..runs.archive import SAME_STATES
@@ -24,7 +24,9 @@ PROOFS = {
     "energy_error": ("error of the energy balance", 0.10),
     "F_unb": ("unbalanced force over the mean contact force", float("nan")),
 }
-#: Quantities whose packing noise and PDF width are tabled.
+#: What another path holds in place of the confining stress, the limits of its mean and of a sample, and that of energy.
+HELD = {"constant_p": ("the mean effective stress", 0.002, 0.02, 0.10), "undrained": ("the volume", 1e-9, 1e-9, 0.15)}
+#: Quantities whose packing noise and PDF width are tabled; not e where the volume is held.
 SHOWN = ("eta", "e", "Z", "Phi_dev")
 
 
@@ -74,11 +76,24 @@ def run_counts(results: Results) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def proofs_of(loading: Loading) -> dict[str, tuple[str, float]]:
+    """Proof of a shear run -> words and limit, in a test."""
+    if loading.path not in HELD:
+        return PROOFS
+    what, mean, sample, energy = HELD[loading.path]
+    held = {
+        "servo_mean_error": (f"mean error of {what}", mean),
+        "servo_max_error": (f"largest error of {what}", sample),
+        "energy_error": (PROOFS["energy_error"][0], energy),
+    }
+    return PROOFS | held
+
+
 def proofs(results: Results) -> pd.DataFrame:
     """Median and largest value of every proof over the shear runs that have it, and the limit of that proof."""
     shear = _done(results, "shear")
     rows = []
-    for name, (words, limit) in PROOFS.items():
+    for name, (words, limit) in proofs_of(results.loading).items():
         values = shear[name].abs().dropna()
         if len(values):
             rows.append((words, values.median(), values.max(), limit, shear.loc[values.idxmax(), "run_id"]))
@@ -127,10 +142,11 @@ def rowe(results: Results) -> pd.DataFrame:
 
     D = -d eps_v / d eps_a (Rowe 1962; compression positive), from D_p = -d eps_v / d eps_q of the same slopes by
     D = D_p / (1 - D_p / 3).  sigma_1 / sigma_3 = (3 + 2 eta) / (3 - eta).  The ratio is 1 where critical friction and
-    dilatancy explain the peak, and below 1 where the peak is lower than they give.  `dilatancy` is the mean D.
+    dilatancy explain the peak, and below 1 where the peak is lower than they give.  `dilatancy` is the mean D.  No rows
+    in extension and undrained.
     """
     rows = []
-    for mu_iso in results.family_densities():
+    for mu_iso in results.family_densities() if results.loading.sign > 0 else ():
         if not {"eta", "D_p"} <= set(results.state_symbols("peak", mu_iso)):
             continue
         peak, critical = (results.shown_state(state, "eta", mu_iso) for state in ("peak", "critical"))
@@ -185,8 +201,13 @@ def probe_checks(results: Results) -> pd.DataFrame:
 
 def packing_design(results: Results) -> pd.DataFrame:
     """One row: the least numbers of `packings` and `points` of a density, and `known`: whether packings are judged."""
-    models = [state_model(results, "critical", "eta", mu_iso) for mu_iso in results.family_densities()]
-    packings = min(1 if model is None else model.packings for model in models)
+    densities = results.family_densities()
+    if results.loading.is_undrained:  # a density of which few tests reach the critical state has no model
+        used = [results.packing(m)[results.probability(m) > 0] for m in densities]
+        packings = min(len(np.unique(those)) for those in used)
+    else:
+        models = [state_model(results, "critical", "eta", mu_iso) for mu_iso in densities]
+        packings = min(1 if model is None else model.packings for model in models)
     points = min(int((results.probability(mu_iso) > 0).sum()) for mu_iso in results.family_densities())
     return pd.DataFrame([{"packings": packings, "points": points, "known": packings >= FEWEST_PACKINGS}])
 
@@ -201,7 +222,7 @@ def noise(results: Results, symbols: Sequence[str] = SHOWN) -> pd.DataFrame:
     rows = []
     for mu_iso in results.family_densities():
         probability = results.probability(mu_iso)
-        for symbol in (s for s in symbols if s in results.state_symbols("critical", mu_iso)):
+        for symbol in _varying(results, symbols, results.state_symbols("critical", mu_iso)):
             factor = QUANTITIES[symbol].shown_factor
             spread = float(weighted.std(results.shown_state("critical", symbol, mu_iso), probability))
             error = results.state_error("critical", symbol, mu_iso)
@@ -219,21 +240,27 @@ def noise(results: Results, symbols: Sequence[str] = SHOWN) -> pd.DataFrame:
 
 
 def pdf_widths(results: Results, symbols: Sequence[str] = SHOWN) -> pd.DataFrame:
-    """Kernel width of the PDFs beside the points' standard deviation and spacing, at the last strain."""
+    """Kernel width of the PDFs beside the points' standard deviation and spacing, at the last strain with a test."""
     rows = []
     for mu_iso in results.family_densities():
-        for symbol in (s for s in symbols if s in results.symbols(mu_iso)):
+        for symbol in _varying(results, symbols, results.symbols(mu_iso)):
             response = results.response(symbol, mu_iso)
             pdf, factor = response.pdf, QUANTITIES[symbol].shown_factor
+            last = int(np.flatnonzero(response.going)[-1])
             rows.append({
                 "mu_iso": mu_iso,
                 **named(symbol),
-                "sd_of_points": factor * float(response.std[-1]),
-                "kernel_width": factor * float(pdf.shown_width[-1]),
-                "spacing_of_points": factor * float(pdf.spacing[-1]),
+                "sd_of_points": factor * float(response.std[last]),
+                "kernel_width": factor * float(pdf.shown_width[last]),
+                "spacing_of_points": factor * float(pdf.spacing[last]),
                 "method": pdf.method,
             })  # fmt: skip
     return pd.DataFrame(rows)
+
+
+def _varying(results: Results, symbols: Sequence[str], there: Sequence[str]) -> list[str]:
+    """Those of the symbols that are there and that the test does not hold."""
+    return [symbol for symbol in symbols if symbol in there and not (symbol == "e" and results.loading.is_undrained)]
 
 
 def losses(results: Results) -> pd.DataFrame:

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from ..pdem import weighted
-from ..quantities import CONSOLIDATED, QUANTITIES
+from ..quantities import CONSOLIDATED, DRAINED, QUANTITIES
 from ..results.reader import STATES, Results
 from . import published
 from .columns import QUANTILES, named
@@ -33,7 +33,8 @@ def initial_state(results: Results) -> pd.DataFrame:
             cov = np.nan
             if len(values) > 1:
                 cov = float(weighted.cov(values, probability) if of_points else values.std(ddof=1) / mean)
-            paper_mean, paper_cov = published.INITIAL_STATE.get((symbol, mu_iso), (np.nan, np.nan))
+            stated = published.INITIAL_STATE if results.loading == DRAINED else {}
+            paper_mean, paper_cov = stated.get((symbol, mu_iso), (np.nan, np.nan))
             rows.append({
                 "mu_iso": mu_iso,
                 **named(symbol),
@@ -50,7 +51,10 @@ def initial_state(results: Results) -> pd.DataFrame:
 
 
 def responses_moments(results: Results) -> pd.DataFrame:
-    """Mean, standard deviation and quantiles of every response along strain, per family and density."""
+    """Mean, standard deviation and quantiles of every response along strain, per family and density.
+
+    Undrained, they are those of the tests that go on, whose probability is `going_on`.
+    """
     parts = []
     for family in results.families:
         for mu_iso in results.family_densities(family):
@@ -62,6 +66,8 @@ def responses_moments(results: Results) -> pd.DataFrame:
                 columns |= {"sd": factor * response.std}
                 columns |= {name: factor * response.quantile(q) for name, q in QUANTILES.items()}
                 columns["share_continued"] = response.extended @ response.probability
+                if results.loading.is_undrained:
+                    columns["going_on"] = np.isfinite(response.values) @ response.probability
                 parts.append(pd.DataFrame(columns))
     return pd.concat(parts, ignore_index=True)
 
@@ -69,7 +75,8 @@ def responses_moments(results: Results) -> pd.DataFrame:
 def peak_critical(results: Results) -> pd.DataFrame:
     """Moments, range and quantiles of every quantity at every state, per family and density, in displayed units.
 
-    `standing` of the state: numbers of a state that was not reached are withheld.
+    `standing` of the state: numbers of a state that was not reached are withheld.  Undrained, `holds_for` is the
+    probability of the points that reached it: the numbers are conditional on it.
     """
     rows = []
     for family in results.families:
@@ -105,5 +112,8 @@ def _state_row(
     }
     row |= {name: float(weighted.quantile(values, probability, q)) for name, q in QUANTILES.items()}
     unknown = (np.nan, np.nan)
-    stated = published.STATE_RANGE.get((state, symbol, mu_iso), unknown) if family == "coupled" else unknown
+    usual = family == "coupled" and results.loading == DRAINED
+    stated = published.STATE_RANGE.get((state, symbol, mu_iso), unknown) if usual else unknown
+    if results.loading.is_undrained:
+        row["holds_for"] = results.holds_for(state, symbol, mu_iso, family)
     return row | {"run_standard_error": float(scatter), "paper_low": stated[0], "paper_high": stated[1]}

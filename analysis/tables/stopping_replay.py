@@ -29,13 +29,15 @@ def stopping_replay(results: Results, targets: Sequence[str] = TARGETS) -> pd.Da
     the points, those not run filled by regression, and the points all run; it contains the noise of every run.
     `error_surface`: between the two response surfaces over the joint inputs, which the claim is about.  The verdict
     states whether the latter is within the claim; where most runs were used, both surfaces rest on the same runs and
-    agree anyway.  No rows where points were spared, or too few were run for a surface.
+    agree anyway.  No rows where points were spared, or too few were run for a surface, and none of undrained tests, of
+    which some may end early.
     """
     densities, points = results.family_densities(), results.family_points()
     inputs = points.x
     if (
         len(points) < runs_needed(results)
         or not results.inputs["joint"]
+        or results.loading.is_undrained
         or any(results.filled(m).any() for m in densities)
     ):
         return pd.DataFrame(columns=COLUMNS)

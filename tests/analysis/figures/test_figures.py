@@ -41,8 +41,8 @@ def test_a_figure_is_a_small_png_named_after_the_papers(results, tmp_path, name)
     assert Image.open(path).text["Source"] == source
 
 
-def test_all_figures_2_to_16_are_there():
-    assert [name[:5] for name in FIGURES] == [f"fig{k:02d}" for k in range(2, 17)]
+def test_all_figures_2_to_19_are_there():
+    assert [name[:5] for name in FIGURES] == [f"fig{k:02d}" for k in range(2, 20)]
 
 
 @pytest.mark.parametrize("name", ["fig06_stress_ratio_surfaces", "fig07_peak_critical", "fig13_stiffness_dilatancy",

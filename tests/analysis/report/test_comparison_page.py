@@ -15,8 +15,7 @@ def quick(monkeypatch):
     monkeypatch.setattr(module, "POWER", 6)
     monkeypatch.setattr(models, "REFITS", 10)
     monkeypatch.setattr(models, "POWER", 6)
-    for place in (module, pooled_states):
-        monkeypatch.setattr(place, "POOLED", (("critical", "eta"),))
+    monkeypatch.setattr(pooled_states, "POOLED", (("critical", "eta"),))
 
 
 def test_the_page_has_its_tables_and_figures_beside_it(tmp_path):

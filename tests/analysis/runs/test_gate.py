@@ -8,10 +8,12 @@ from types import SimpleNamespace
 
 import h5py
 import numpy as np
+import path_limits
 import pytest
 import synthetic_results as synthetic
 from paths import DATA, ROOT
 
+from analysis.quantities import PATHS, Loading
 from analysis.results.build import build_results
 from analysis.runs import gate
 from analysis.runs.archive import Archive, run_summary
@@ -140,11 +142,14 @@ def test_the_limits_are_those_of_the_scripts_and_of_the_table_of_proofs():
     for name, (_, limit) in PROOFS.items():
         assert gate.PROOF_LIMITS["shear"][name] == pytest.approx(limit, nan_ok=True)
     assert constants("proofs.py") | constants("equilibrium.py") >= {
-        "I_LIMIT": 2.5e-3, "SERVO_FROM": gate.SERVO_FROM, "SERVO_WINDOW_LIMIT": gate.SERVO_LIMIT,
-        "SERVO_LIMIT": gate.SERVO_SAMPLE_LIMIT, "ENERGY_LIMIT": gate.PROOF_LIMITS["shear"]["energy_error"],
+        "I_LIMIT": 2.5e-3, "SERVO_FROM": gate.SERVO_FROM,
         "STEADY_FROM": gate.STEADY_FROM, "STRESS_LIMIT": gate.PROOF_LIMITS["probe"]["stress_error"],
         "FORCE_LIMIT": gate.PROOF_LIMITS["consolidate"]["F_unb"],
     }.items()  # fmt: skip
+    assert path_limits.held_limits() == {p: (*held, gate.ENERGY_LIMITS[p]) for p, held in gate.HELD_LIMITS.items()}
+    assert path_limits.fewest() == gate.FEWEST
+    assert constants("paths.py") >= {"RATE_FLOOR": gate.CARRIES, "LIQUEFIED": gate.LIQUEFIED}.items()
+    assert path_limits.steady_limits() == {path: Loading(path).steady for path in PATHS}
 
 
 def constants(name):

@@ -69,8 +69,7 @@ def quick(monkeypatch):
     monkeypatch.setattr(module, "POWER", 6)
     monkeypatch.setattr(models, "POWER", 6)
     monkeypatch.setattr(models, "REFITS", 10)
-    for place in (module, pooled_states):
-        monkeypatch.setattr(place, "POOLED", (("critical", "eta"), ("probe", "G_0")))
+    monkeypatch.setattr(pooled_states, "POOLED", (("critical", "eta"), ("probe", "G_0")))
 
 
 @pytest.fixture(scope="module")
@@ -104,7 +103,7 @@ def test_a_state_without_enough_runs_is_refused_with_a_sentence(three, quick):
     object.__setattr__(short, "measured", lambda state, symbol, mu_iso, family="coupled": few)
     left = comparison_tables(comparison([three[0], short]))["not_compared"].values.tolist()
     reason = "It has values of 5 runs; at least 8 runs are needed."
-    states = [f"{symbol}, {state}, mu_iso = 0.04" for state, symbol in module.POOLED]
+    states = [f"{symbol}, {state}, mu_iso = 0.04" for state, symbol in pooled_states.POOLED]
     assert left == [[what, "synthetic (2)", reason] for what in states]
 
 
