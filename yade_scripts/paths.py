@@ -66,7 +66,7 @@ class Drained:
 
     def largest_error(self) -> float:
         """Limit of the relative error of a sample."""
-        return self.sample_limit * max(1.0, math.sqrt(self.fewest / len(O.bodies)))
+        return self.sample_limit * max(1.0, math.sqrt(self.fewest / max(1, len(O.bodies))))
 
     def follow(self, sample: dict) -> None:
         """After each sample: trim what is held, and let the rate follow p'."""

@@ -43,6 +43,26 @@ def test_of_twelve_cells_sheared_to_the_end_plan_refuses_those_that_are_too_thin
     assert len(bench_stability.FULL_STRAIN) == 12
 
 
+def test_every_path_in_every_direction_has_its_cells_and_the_other_cells_are_drained_compression():
+    """24 cells or more; which keys a run gets must not change where none was given, or its product is not found."""
+    tests = [(changes["path"], changes["direction"]) for axis, *_, changes in bench_stability.cells()
+             if axis == "path x direction"]  # fmt: skip
+    assert len(tests) >= 24 and len(set(tests)) == 5 and ("drained", "compression") not in tests
+    assert all("path" not in changes for axis, *_, changes in bench_stability.cells() if axis != "path x direction")
+    assert "path" not in bench_stability.BASE
+    fine = bench_stability.finer(bench_stability.BASE | {"path": "undrained", "direction": "extension"})
+    assert (fine["path"], fine["direction"]) == ("undrained", "extension")
+
+
+def test_the_mean_stress_counts_where_it_is_compared():
+    """p' of an undrained cell that is off is wrong; a cell without p' is judged by the rest."""
+    frame = rows().assign(p=np.nan, p_reference=np.nan)
+    frame.loc[[1, 4, 7], "p_reference"] = 2e5
+    frame.loc[[1, 4], "p"] = 2.5e5, 2.01e5
+    found = bench_stability.judged(frame)
+    assert found.loc[[0, 1, 4, 7], "reason"].tolist() == ["", "p", "", "p"]
+
+
 def test_a_reference_is_sheared_no_further_than_its_cell_is_compared():
     case = bench_stability.BASE | {"strain_end": 0.4}
     assert "strain_end" not in bench_stability.finer(case)
