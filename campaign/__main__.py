@@ -8,6 +8,7 @@ if __name__ == "__main__":  # before the other imports, which need Python 3.11
     go_on_with_packages("campaign")
 
 import argparse
+import io
 import os
 import sys
 from argparse import Namespace
@@ -36,6 +37,8 @@ def main(argv: list[str] | None = None) -> int:
     An error of use is printed in one line on stderr. Any exception that is raised from here is a bug.
     """
     options = _parser().parse_args(argv)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(line_buffering=True)  # in a log file the plan stands before the progress
     try:
         command = COMMANDS[options.command]
         if command.source != CONFIG:

@@ -10,6 +10,8 @@ from campaign.config_keys import Settings
 
 #: Number of spheres below which an undrained test says little about p'.
 FEW_UNDRAINED = 1000
+#: Width of the last windows of a record in strain (yade_scripts/record.py), whose means are the last values.
+LAST_WINDOW = 0.005
 
 
 class ConfigError(GrainScatterError):
@@ -88,11 +90,13 @@ def scatter_of_pressure(N: int) -> str:
 
 def settings_warnings(config: Settings) -> list[str]:
     """Return warnings about settings that are possible but may not give what is expected."""
-    shear, warnings = config.shear, []
-    if shear.strain_end < CRITICAL_FROM + CRITICAL_BLOCK:
+    shear, least, warnings = config.shear, CRITICAL_FROM + CRITICAL_BLOCK, []
+    window = shear.strain_end / shear.windows if shear.windows else LAST_WINDOW
+    if shear.strain_end - 0.5 * window < least:
         warnings.append(
-            f"shear.strain_end = {shear.strain_end:g}: critical states are judged between strains {CRITICAL_FROM:g} "
-            f"and strain_end, at least {CRITICAL_FROM + CRITICAL_BLOCK:g}; none will be given"
+            f"shear.strain_end = {shear.strain_end:g}: critical states are judged between strain {CRITICAL_FROM:g} and "
+            f"the middle of the last window, which must be at {least:g} at least (strain_end = "
+            f"{least + 0.5 * window:g}); none will be given"
         )
     if shear.path == "undrained" and (N := config.assembly.N) < FEW_UNDRAINED:
         warnings.append(

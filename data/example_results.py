@@ -1,6 +1,7 @@
 """How to use the results.h5 of a campaign alone: moments, a probability, figures and tables.
 
-/usr/bin/python3 data/example_results.py data/laptop/results.h5 example.png
+/usr/bin/python3 data/example_results.py                                    the laptop campaign, into example.png
+/usr/bin/python3 data/example_results.py runs/demo/results.h5 picture.png   another one
 """
 
 from __future__ import annotations
@@ -19,8 +20,10 @@ from analysis import plot_mean_band, plot_pdf_contours, plot_state_pdfs, read_re
 from analysis.quantities import QUANTITIES
 from analysis.results import ResultsError
 
+LAPTOP = Path(__file__).resolve().parent / "laptop" / "results.h5"
 
-def main(path: str, picture: str) -> None:
+
+def main(path: str | Path = LAPTOP, picture: str = "example.png") -> None:
     """Print moments and an exceedance probability per density, and draw four plots of the stress ratio."""
     results = read_results(path)
     print(f"{len(results.points)} points, densities mu_iso = {results.densities}, strains to {results.strain[-1]:.2f}")
@@ -46,12 +49,13 @@ def main(path: str, picture: str) -> None:
     axes[1, 1].set(xlabel=QUANTITIES["mu_s"].label, ylabel=QUANTITIES["eta"].label, title="Critical state, every point")
     axes[1, 1].legend()
     figure.savefig(picture)
+    print(f"{picture}: PDF along strain, mean, and critical state")
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 3:
-        sys.exit(f"usage: {sys.argv[0]} RESULTS.h5 PICTURE.png")
+    if len(sys.argv) > 3:
+        sys.exit(f"usage: {sys.argv[0]} [RESULTS.h5 [PICTURE.png]]")
     try:
-        main(*sys.argv[1:3])
+        main(*sys.argv[1:])
     except ResultsError as error:
         sys.exit(str(error))

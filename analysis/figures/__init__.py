@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
@@ -69,8 +70,14 @@ UNDRAINED, NOT_UNDRAINED = tuple(name for name in FIGURES if name >= "fig17"), (
 
 
 def drawn(results: Results) -> list[str]:
-    """Names of the figures of a campaign: all of its test, but the one along friction only if friction is random."""
+    """Names of the figures of a campaign: those of its test that have something to show.
+
+    The one along friction needs random friction, and the joint PDFs need critical states that are not withheld.
+    """
     left_out = {*(NOT_UNDRAINED if results.loading.is_undrained else UNDRAINED)}
+    probability = results.pooled("critical", ("eta", "e"), results.family_densities())[-1]
+    if np.count_nonzero(probability > 0) < 2:
+        left_out |= {"fig14_joint_eta_e", "fig15_joint_eta_Z"}
     if "mu_s" not in results.points.names:
         left_out.add("fig16_friction")
     return [name for name in FIGURES if name not in left_out]

@@ -76,7 +76,8 @@ def differences(frame: pd.DataFrame, names: Sequence[str]) -> Figure:
 
 def _words(mu_iso: float, state: str, symbol: str) -> str:
     tex = QUANTITIES[symbol].tex or symbol
-    return rf"{state} ${tex}$, $\mu_{{iso}}$ = {mu_iso:g}"
+    words = "small-strain" if state == "probe" else state
+    return rf"{words} ${tex}$, $\mu_{{iso}}$ = {mu_iso:g}"
 
 
 def _colour(k: int, count: int) -> tuple:

@@ -17,7 +17,7 @@ TITLES = {("peak", "eta"): "peak of every point", ("transformation", "eta"): "ph
 
 @style.styled
 def along(results: Results, curves: pd.DataFrame) -> Figure:
-    """One state per panel: the points, and the denoised values along friction with their 95 % band.
+    """One state per panel: the points, and the denoised values along friction with their 95 % band, if there are any.
 
     curves: `tables.friction.friction_curves`.
     """
@@ -40,6 +40,7 @@ def along(results: Results, curves: pd.DataFrame) -> Figure:
         axis.set_xlim(points.mu_s.min() / 1.1, points.mu_s.max() * 1.1)
         axis.minorticks_off()
         panels.panel_title(axis, letter, TITLES.get((state, symbol), f"{state} state"))
-    keys = [Line2D([], [], marker=markers[m], mfc="none", mew=0.7, ms=3.5, **look) for m, look in looks.items()]
+    line = {} if len(curves) else {"linestyle": "none"}
+    keys = [Line2D([], [], marker=markers[m], mfc="none", mew=0.7, ms=3.5, **look | line) for m, look in looks.items()]
     figure.axes[0].legend(handles=keys, loc="upper left")
     return figure

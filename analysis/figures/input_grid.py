@@ -83,7 +83,7 @@ def _marginal(
     axis.plot(x * factor, joint.marginals[k].pdf(x) / factor, color=panels.CONTOUR_MAP(0.95))
     axis.plot(values * factor, np.zeros(len(values)), "|", color="0.3", ms=5, transform=axis.get_xaxis_transform())
     axis.set(xlim=np.array(reach) * factor, ylim=(0, None), ylabel=style.pdf_label(name))
-    panels.panel_title(axis, "abcdef"[k], joint.marginals[k].family)
+    panels.panel_title(axis, "abcdef"[k], joint.marginals[k].family.replace("_", " "))
 
 
 def _pair(

@@ -261,7 +261,8 @@ def panel_title(axis: Axes, letter: str, title: str = "") -> None:
 
 
 def share_range(*axes: Axes) -> None:
-    """Give axes the widest of their ranges in x, so that places and widths can be compared."""
+    """Give axes the widest of their ranges in x, so that places and widths can be compared; empty ones have none."""
+    axes = tuple(axis for axis in axes if axis.lines)
     x = [axis.get_xlim() for axis in axes]
     for axis in axes:
         axis.set_xlim(min(a for a, _ in x), max(b for _, b in x))

@@ -52,7 +52,9 @@ def along_key(table: pd.DataFrame) -> Figure:
             axis.minorticks_off()
         if not numbers or len(values) <= 6:
             axis.set_xticks(x, values, rotation=0 if numbers else 20)
-        panels.panel_title(axis, "abcdefghijklmnopqrstuvwxyz"[k], f"{state} state")
+        panels.panel_title(
+            axis, "abcdefghijklmnopqrstuvwxyz"[k], "small strain" if state == "probe" else f"{state} state"
+        )
     if len(densities) > 1:
         place = spare[0] if len(spare) else axes[0]
         place.legend(*axes[0].get_legend_handles_labels(), loc="center" if len(spare) else "best",

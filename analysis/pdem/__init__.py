@@ -19,7 +19,7 @@ _HOMES = {
     "JointPDF": ".joint_pdf",
     "PdemError": ".pdf",
     "evolve": ".evolution",
-    "kernel_width": ".evolution",
+    "kernel_width": ".widths",
     "state_pdf": ".evolution",
 }
 #: Names of the version before, for one version: old name -> module and new name.

@@ -17,15 +17,14 @@ from scipy import fft
 
 from . import tvd
 from .pdf import PDF, PdemError
-from .weighted import moments, normalised, quantiles
+from .weighted import moments, normalised
+from .widths import kernel_width, point_spacing
 
-RULES = ("quarter", "silverman", "spacing", "mesh")
 _SHARP = 1.1  # cells: width of the part of a kernel that is sampled at its point; the rest follows by convolution
 #: Kernel widths kept free between the outermost points and the ends of the grid, both sides together: a normal kernel
 #: cut at six widths loses 2e-9 of its probability.
 _MARGIN = 12
 _NARROWEST = 0.6  # cells: a narrower kernel is not resolved by cell averages
-_QUARTER = 0.6373  # width of the densest quarter of a normal distribution over its standard deviation
 #: Points with one and the same value, to `_SAME` of the range, are an atom if they are at least so many and have at
 #: least so much probability.
 _ATOM_POINTS, _ATOM, _SAME = 3, 0.05, 1e-9
@@ -66,8 +65,8 @@ def evolve(
     limiter : {"minmod", "vanleer", "superbee"}
         Limiter of the method "tvd".
     rule : {"quarter", "silverman", "spacing", "mesh"}, optional
-        See `kernel_width`.  By default "quarter" for "exact", and "mesh" for "tvd", which with another rule uses the
-        median over the strains.  With "quarter", points that share one value (a plateau of the response) get the
+        See `widths.kernel_width`.  By default "quarter" for "exact", and "mesh" for "tvd", which with another rule uses
+        the median over the strains.  With "quarter", points that share one value (a plateau of the response) get the
         narrowest kernel, and the others determine the width.
     max_lost : float
         Largest probability that may be lost at a strain.
@@ -151,34 +150,6 @@ def state_pdf(values: ArrayLike, probability: ArrayLike, strain: float = np.nan,
     return replace(pdf, strain=np.array([strain]))
 
 
-def kernel_width(h: np.ndarray, probability: np.ndarray, rule: str = "quarter") -> np.ndarray:
-    """Kernel width (T,) for values h (T, Q) with normalised probabilities (T, Q), from the data.
-
-    "quarter": 0.9 s n_eff^(-1/5), n_eff = 1 / sum P^2; s is the standard deviation of a normal distribution whose
-    densest quarter is as narrow as that of the points, and at most theirs.  It follows a PDF with several humps.
-    "silverman": 0.9 min(std, IQR/1.349) n_eff^(-1/5), n_eff = 1 / sum P^2 (Silverman 1986).
-    "mesh": zero, so that the mesh determines the width.
-    "spacing": 1.5 times the typical distance between neighbouring points, for smooth responses at regular points, whose
-    scatter about the distribution is far below that of random samples.
-    Raises PdemError for another rule.
-    """
-    if rule not in RULES:
-        raise PdemError(f"bandwidth rule {rule!r} is not one of {', '.join(RULES)}")
-    if rule == "spacing":
-        return 1.5 * point_spacing(h, probability)
-    if rule == "mesh":
-        return np.zeros(len(h))
-    std = moments(h, probability)[1]
-    if rule == "quarter":
-        levels = quantiles(h, probability, np.linspace(0.05, 0.95, 37))
-        densest = np.min(levels[:, 10:] - levels[:, :-10], axis=1)
-        scale = np.where(densest > 0, np.minimum(std, densest / _QUARTER), std)
-    else:
-        low, high = quantiles(h, probability, [0.25, 0.75]).T
-        scale = np.where(high > low, np.minimum(std, (high - low) / 1.349), std)
-    return 0.9 * scale * np.sum(probability**2, axis=1) ** 0.2
-
-
 def sharpened(path: np.ndarray, probability: np.ndarray, width: np.ndarray, cells: int) -> np.ndarray:
     """Points (T, Q) moved by width^2/2 times the slope of ln p, where p is their PDF with kernels of this width.
 
@@ -192,15 +163,6 @@ def sharpened(path: np.ndarray, probability: np.ndarray, width: np.ndarray, cell
     width = width[:, None]
     shift = np.clip(0.5 * width**2 * (one + (at - home) * (two - one)), -width, width)
     return path + shift - np.sum(probability * shift, axis=1, keepdims=True)
-
-
-def point_spacing(h: np.ndarray, probability: np.ndarray) -> np.ndarray:
-    """Typical distance (T,) between neighbouring points: the range of the central 90 % divided by their number.
-
-    h (T, Q), probability (T, Q) normalised.
-    """
-    low, high = quantiles(h, probability, [0.05, 0.95]).T
-    return (high - low) / (0.9 * np.maximum(np.count_nonzero(probability, axis=1), 1))
 
 
 def translate(path: np.ndarray, probability: np.ndarray, width: np.ndarray, cells: int) -> np.ndarray:

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from . import evolution
 from .pdf import PDF, PdemError
 from .weighted import moments, normalised
+from .widths import kernel_width
 
 #: Factor of `pair_widths`: kernels of about the distance between points that fill a plane evenly.
 _PAIR_FACTOR = 3.5
@@ -123,14 +124,14 @@ def pair_widths(one: np.ndarray, two: np.ndarray, probability: np.ndarray) -> tu
     """Kernel widths for a pair of values (Q,): 3.5 n^(-1/2) (1 - rho^2)^(1/4) standard deviations, n = 1 / sum P^2.
 
     That is about the distance between points that fill a plane evenly, and less where the dependence moves them towards
-    a line; it is never more than the width for a single response (`evolution.kernel_width`).
+    a line; it is never more than the width for a single response (`widths.kernel_width`).
     """
     probability = normalised(probability)
     rho = np.nan_to_num(_correlation(one, two, probability))
     factor = _PAIR_FACTOR * np.sqrt(np.sum(probability**2)) * max(1.0 - rho**2, 0.0) ** 0.25
     both, rows = np.stack([one, two]), np.broadcast_to(probability, (2, len(probability)))
     std = moments(both, rows)[1]
-    first, second = np.minimum(factor * std, evolution.kernel_width(both, rows))
+    first, second = np.minimum(factor * std, kernel_width(both, rows))
     return float(first), float(second)
 
 

@@ -17,7 +17,7 @@ from ..tables.comparison import Comparison, comparison, comparison_tables, predi
 from ..tables.registry import without_formulas
 from ..tables.strength import EXTENSION
 from . import page
-from .headings import quantity_words
+from .headings import STATES, quantity_words
 from .numbers import critical_line_table
 
 PAGE = "compare.html"
@@ -191,6 +191,7 @@ def _differences(frame: pd.DataFrame) -> str:
     """The differences of mean and standard deviation; the CSV file has the quantiles, too."""
     rows = frame[frame["number"].isin(["mean", "sd"])].reset_index(drop=True)
     shown = rows[["campaign", "mu_iso", "state"]].assign(
+        state=rows["state"].map(STATES),
         quantity=rows["quantity"].map(quantity_words),
         kind=rows["kind"],
         number=rows["number"].map(WORDS),
@@ -204,4 +205,6 @@ def _differences(frame: pd.DataFrame) -> str:
 
 
 def _moments(frame: pd.DataFrame) -> pd.DataFrame:
-    return frame.drop(columns="unit").assign(quantity=frame["quantity"].map(quantity_words))
+    return frame.drop(columns="unit").assign(
+        state=frame["state"].map(STATES), quantity=frame["quantity"].map(quantity_words)
+    )

@@ -16,6 +16,7 @@ HEADINGS = {
     "COV": "Coefficient of variation", "here": "This campaign", "paper": "The paper",
     "difference_pct": "Difference (%)", "before_shear": "Before shear",
     "property": "Property", "distribution": "Distribution", "parameters": "Parameters with standard errors",
+    "given_parameters": "Parameters",
     "copula": "Copula", "aic": "AIC", "bic": "BIC", "ks": "Kolmogorov–Smirnov distance",
     "ks_critical": "5 % limit, parameters known", "ks_critical_fitted": "5 % limit, parameters fitted",
     "ad": "Anderson–Darling statistic", "ad_critical_fitted": "5 % limit of it, parameters fitted",

@@ -5,7 +5,9 @@ from __future__ import annotations
 import pandas as pd
 
 from ..quantities import QUANTITIES
+from ..results.models import runs_needed
 from ..results.reader import Results
+from ..tables.friction import has_curves
 from .page import listed, plural
 
 #: The random inputs of the paper.
@@ -105,7 +107,8 @@ def inputs_source(results: Results, facts: pd.Series) -> str:
     behind = int(facts["measurements"])
     known = (f"{behind} measurements are behind them." if behind
              else "How many measurements are behind them is not known.")  # fmt: skip
-    return f"The distributions of {inputs_named(results)} were given, not fitted to measurements. {known}{fixed}"
+    given = "distribution of {} was" if len(results.points.names) == 1 else "distributions of {} were"
+    return f"The {given.format(inputs_named(results))} given, not fitted to measurements. {known}{fixed}"
 
 
 def bands_words(results: Results, facts: pd.Series) -> str:
@@ -162,11 +165,15 @@ def caption_of_inputs(results: Results, name: str) -> str:
     if name == "fig13" and "G_p" not in names:
         return ("(a, b) Small-strain stiffness and (c, d) dilatancy at the peak: PDFs, and every point "
                 f"against {inputs_named(results) if count == 1 else 'an input'}.")  # fmt: skip
+    if name == "fig16" and not has_curves(results):
+        return ("Peak and critical state of every point against interparticle friction. The strain of a peak is that "
+                f"of curves pooled over the points. A model of all runs needs {runs_needed(results)} points per "
+                "density, so there are no lines.")  # fmt: skip
     if name == "fig16" and names != PAIR:
-        others = "" if count == 1 else ", the other inputs at their regressions on friction,"
-        return ("Peak and critical state along interparticle friction. Every point, with "
-                f"its peak at the strain that is pooled over the points, and the denoised values{others} with their "
-                "95 % band.")  # fmt: skip
+        others = "" if count == 1 else ", with the other inputs at their regressions on friction"
+        return ("Peak and critical state against interparticle friction. Symbols are the points; the strain of a peak "
+                "is that of curves pooled over the points. Lines are the model of all runs with its 95 % band"
+                f"{others}.")  # fmt: skip
     if usual or name not in ("fig02", "fig03"):
         return ""
     shown = "measurements" if len(results.pairs) else "representative points"

@@ -155,7 +155,11 @@ def inputs(results: Results, frames: Frames, is_papers_test: bool) -> str:
         of_marginals = ("property", "family", "parameters", "aic", "bic", "ks", "ks_critical", "ks_critical_fitted",
                         "ad", "ad_critical_fitted")  # fmt: skip
         shown = _columns(frames["marginals"], of_marginals).rename(columns={"family": "distribution"})
-        shown = shown if measured else shown.dropna(axis=1, how="all")
+        if not measured:
+            shown = shown.dropna(axis=1, how="all").rename(columns={"parameters": "given_parameters"})
+        shown = shown.assign(distribution=shown["distribution"].str.replace("_", " ")).replace(
+            "parent_", "parent ", regex=True
+        )
         caption = "Marginal distributions, smallest AIC first" if measured else "Marginal distributions, as given"
         caption += " (Table 1 of the paper)" * against_paper
         parts.append(page.table(shown, "marginals", caption, stack=True))
@@ -167,6 +171,7 @@ def inputs(results: Results, frames: Frames, is_papers_test: bool) -> str:
         of_copulas = ("family", "parameters", "aic", "bic", "tau", "S", "p_bootstrap", "p_paper", "accepted")
         shown = _columns(frames["copulas"], of_copulas if against_paper else of_copulas[:-2] + of_copulas[-1:])
         shown = shown.rename(columns={"family": "copula", "tau": "kendall"})
+        shown = shown if measured else shown.rename(columns={"parameters": "given_parameters"})
         caption = "Copulas, smallest AIC first" if measured else "The copula that was given"
         caption += " (Table 2 of the paper)" * against_paper
         parts.append(page.table(shown, "copulas", caption, stack=True))

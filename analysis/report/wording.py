@@ -220,7 +220,8 @@ def proof_notes(frames: Frames) -> list[str]:
     return [
         *notes,
         f"{len(unsteady)} of {len(shear)} shear runs do not prove by themselves that their critical state is steady, "
-        "mostly because the scatter of one run hides such a drift. Their averages are used nevertheless. The first of "
+        "mostly because the scatter of one run hides such a drift. Their averages are used nevertheless, unless the "
+        "critical state is withheld. The first of "
         f"them, {first['run_id']}: {first['unsteady']}.",
     ]
 

@@ -55,6 +55,11 @@ def along_friction(
     return {m: _at(results, state_model(results, state, symbol, m), mu_s) for m in runs}
 
 
+def has_curves(results: Results) -> bool:
+    """Whether any state can be given along friction."""
+    return any(_runs(results, *response) for response in RESPONSES)
+
+
 def differences_along(
     results: Results, state: str, symbol: str, mu_s: np.ndarray
 ) -> dict[float, tuple[np.ndarray, np.ndarray]]:

@@ -200,16 +200,24 @@ def probe_checks(results: Results) -> pd.DataFrame:
 
 
 def packing_design(results: Results) -> pd.DataFrame:
-    """One row: the least numbers of `packings` and `points` of a density, and `known`: whether packings are judged."""
+    """One row: the least numbers of `packings` and `points` of a density, and `known`: whether packings are judged.
+
+    The packings are those of the runs at the critical state, or at the peak where the critical state is withheld.  For
+    undrained tests they are those of the points: a density of which few tests reach the critical state has no model.
+    """
     densities = results.family_densities()
-    if results.loading.is_undrained:  # a density of which few tests reach the critical state has no model
+    if results.loading.is_undrained:
         used = [results.packing(m)[results.probability(m) > 0] for m in densities]
         packings = min(len(np.unique(those)) for those in used)
     else:
-        models = [state_model(results, "critical", "eta", mu_iso) for mu_iso in densities]
-        packings = min(1 if model is None else model.packings for model in models)
+        packings = min(_packings(results, mu_iso) for mu_iso in densities)
     points = min(int((results.probability(mu_iso) > 0).sum()) for mu_iso in results.family_densities())
     return pd.DataFrame([{"packings": packings, "points": points, "known": packings >= FEWEST_PACKINGS}])
+
+
+def _packings(results: Results, mu_iso: float) -> int:
+    models = (state_model(results, state, "eta", mu_iso) for state in ("critical", "peak"))
+    return next((model.packings for model in models if model is not None), 1)
 
 
 def noise(results: Results, symbols: Sequence[str] = SHOWN) -> pd.DataFrame:

@@ -1,6 +1,7 @@
 """PDFs, tail probabilities and their intervals from n points, against 10^6 samples of responses that are known.
 
     /usr/bin/python3 tests/benchmarks/bench_tails.py        (about ten minutes)
+    /usr/bin/python3 tests/benchmarks/bench_tails.py --few  (half a minute)
 
 Points of `select_points` with 200 seeds (n = 50, 100, 200; 4,096 Sobol' points with equal probabilities and 100 seeds
 as an example of many), through a smooth response, one with two humps, one that saturates, one with a plateau, one with
@@ -13,6 +14,9 @@ data/benchmarks/tails.csv, one row per response, n and way to estimate, and tail
   `rms_1%`, `rms_5%`: root mean square of the relative error;
 - `covered_1%` ... : share of seeds whose 95 % interval covers the true probability, and the true quantile (`q`);
   `least_covered` is the least of all thresholds, and `half_width` half the interval over the true probability.
+
+With --few: the shown PDFs alone for n = 8, 16 and 25, into tails_few.csv.  `l1` is the mean and `worst_l1` the largest
+of 20 seeds; `highest` is the largest value of the shown PDFs over that of the true one in its bins.
 """
 
 from __future__ import annotations
@@ -32,11 +36,12 @@ sys.path.insert(0, str(ROOT))
 
 from analysis.inputs.joint import fit_joint  # noqa: E402
 from analysis.inputs.pairs import read_pairs  # noqa: E402
-from analysis.pdem import evolution  # noqa: E402
+from analysis.pdem import evolution, widths  # noqa: E402
 from analysis.points import select_points  # noqa: E402
 
 FOLDER = ROOT / "data" / "benchmarks"
 SIZES, SEEDS, SHOWN = (50, 100, 200), 200, 20
+FEW = (8, 16, 25)
 MANY, MANY_SEEDS = 4096, 100
 MEDIAN, SIGMA_LN = np.array([0.214, 25.7e9]), np.array([0.469, 0.354])
 NOISE = {"noisy": 0.05}
@@ -161,6 +166,27 @@ def measure() -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def of_few() -> pd.DataFrame:
+    """All rows of tails_few.csv."""
+    joint = fit_joint(read_pairs(ROOT / "data" / "pairs_reconstructed.csv"), n_boot=0).joint
+    rng = np.random.default_rng(1)
+    truths = {name: Truth(values) for name, values in responses(joint.sample(200_000, rng), rng).items()}
+    rows, least = [], widths._IN_QUARTER
+    for n in FEW:
+        sets = [select_points(joint, n, seed=seed) for seed in range(1, SHOWN + 1)]
+        found = [responses(points.x, rng) for points in sets]
+        for name, truth in truths.items():
+            height = (truth.mass / np.diff(truth.edges)).max()
+            for way, points_in_quarter in (("quarter (default)", least), ("quarter of any number (before)", 0)):
+                widths._IN_QUARTER = points_in_quarter
+                pdfs = [evolution.state_pdf(values[name], p.probability) for values, p in zip(found, sets, strict=True)]
+                l1 = [np.abs(np.diff(pdf.cdf(truth.edges)[0]) - truth.mass).sum() for pdf in pdfs]
+                rows.append({"response": name, "n": n, "estimate": way, "l1": np.mean(l1), "worst_l1": max(l1),
+                             "highest": max(pdf.p.max() for pdf in pdfs) / height})  # fmt: skip
+    widths._IN_QUARTER = least
+    return pd.DataFrame(rows)
+
+
 def draw(truths: dict, pictures: dict) -> None:
     """True PDF, and those of the default and of the rule before, from one set of 100 points."""
     fig, axes = plt.subplots(2, 3, figsize=(10, 5.2), constrained_layout=True)
@@ -178,6 +204,7 @@ def draw(truths: dict, pictures: dict) -> None:
 
 if __name__ == "__main__":
     FOLDER.mkdir(parents=True, exist_ok=True)
-    table = measure()
-    table.to_csv(FOLDER / "tails.csv", index=False, float_format="%.4g")
+    few = sys.argv[1:] == ["--few"]
+    table = of_few() if few else measure()
+    table.to_csv(FOLDER / f"tails{'_few' * few}.csv", index=False, float_format="%.4g")
     print(table.to_string(index=False, float_format="%.3g"))

@@ -1,8 +1,11 @@
 """The commands in order, from plan to report on synthetic products, and that nothing is done twice."""
 
+import io
 import json
+import re
 import resource
 import shutil
+import sys
 from dataclasses import asdict
 
 import h5py
@@ -39,6 +42,23 @@ def test_plan_predicts_the_cost_before_anything_is_spent(tmp_path):
     assert not list((small.folder).glob("products/*.h5"))
     for name in ("points.csv", "config.toml", "tables/plan.csv", "batch/shear.table", "assembly_1.h5"):
         assert (small.folder / name).exists(), name
+
+
+def test_a_log_file_gets_every_line_when_it_is_printed(tmp_path, monkeypatch):
+    log = io.TextIOWrapper(io.BytesIO())
+    monkeypatch.setattr(sys, "stdout", log)
+    assert main(["status", str(tmp_path / "none.toml")]) == 2
+    assert log.line_buffering
+
+
+def test_plan_warns_if_the_last_window_ends_before_the_critical_state(tmp_path):
+    small = make_small(tmp_path, n=8)
+    text = small.toml.read_text().replace("N = 64", "N = 200")
+    for end, warned in ((0.28, True), (0.285, False)):
+        small.toml.write_text(re.sub(r"strain_end = .*", f"strain_end = {end}", text))
+        done = small.command("plan")
+        assert done.returncode == 0 and ("none will be given" in done.stdout) == warned, done.stderr
+        assert ("strain_end = 0.2825" in done.stdout) == warned
 
 
 def test_missing_lists_run_ids_and_nothing_else(tmp_path):

@@ -56,15 +56,15 @@ def campaign_info(names, measured=0, pairs_behind=0):
     )
 
 
-def make(folder, names, n=8, densities=(0.04,), noise=0.02, measured=0, pairs_behind=0, **options):
-    """Write every product of a campaign of these inputs and build its results.h5; the path."""
+def make(folder, names, n=8, densities=(0.04,), noise=0.02, measured=0, pairs_behind=0, end=0.4, **options):
+    """Write every product of a campaign of these inputs to the strain `end` and build its results.h5; the path."""
     points = points_of(names, n)
     plan = synthetic_results.plan_rows(folder, points, densities=densities, packings=(1, 2, 3, 4))
     of_point = dict(zip(points.id.tolist(), points, strict=True))
     for name in (name for name in names if name not in CONSTANTS):
         plan[name] = [of_point[k].further[name] if k >= 0 else np.nan for k in plan["point"]]
     for row in plan.itertuples():
-        synthetic_results.write_run(row, noise)
+        synthetic_results.write_run(row, noise, end, round(end / 0.005))
     return build.build_results(folder, plan, points, campaign_info(names, measured, pairs_behind), **options)
 
 

@@ -12,10 +12,12 @@ import synthetic_results
 from analysis.figures import FIGURES, drawn, style
 from analysis.quantities import parameter
 from analysis.report import input_words, write_report
+from analysis.report.captions import caption
 from analysis.results import read_results
 from analysis.tables import evaluate, write_tables
 from analysis.tables.claims import CLAIMS
-from analysis.tables.friction import variable_along
+from analysis.tables.friction import friction_curves, variable_along
+from analysis.tables.run_quality import packing_design
 
 ONE, MODULUS, THREE = ("mu_s",), ("G_p",), ("mu_s", "G_p", "nu")
 
@@ -119,3 +121,24 @@ def test_a_report_has_no_empty_table_and_no_word_of_what_is_not_there(names, n, 
 ])  # fmt: skip
 def test_parameters_have_the_unit_of_their_quantity_and_shapes_have_none(symbol, name, value, text):
     assert parameter(symbol, name, value) == text
+
+
+def test_without_a_model_along_friction_neither_the_caption_nor_the_legend_speaks_of_lines():
+    few, enough = results_of(THREE), results_of(ONE, n=20)
+    for results, has_lines in ((few, False), (enough, True)):
+        words = caption(results, "fig16", is_papers_test=False)
+        assert ("Lines are the model" in words) == has_lines and ("there are no lines" in words) != has_lines
+        figure = FIGURES["fig16_friction"](results, {"friction_curves": friction_curves(results)})
+        keys = figure.axes[0].get_legend().get_lines()
+        assert all((key.get_linestyle() != "None") == has_lines for key in keys)
+    assert "needs 16 points" in caption(few, "fig16", is_papers_test=False)
+
+
+def test_where_the_critical_state_is_withheld_nothing_is_shown_of_it(tmp_path):
+    results = read_results(other_inputs.make(tmp_path, ONE, end=0.25))
+    assert {*FIGURES} - {*drawn(results)} == {"fig14_joint_eta_e", "fig15_joint_eta_Z"}
+    design = packing_design(results).iloc[0]
+    assert (design["packings"], design["known"]) == (4, True)
+    peak = FIGURES["fig08_void_ratio"](results, {}).axes
+    shown = next(axis for axis in peak if "peak" in axis.get_title(loc="left") + axis.get_title())
+    assert shown.get_xlim()[0] > 0.4 and shown.get_xlim()[1] < 0.8
