@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 from analysis.errors_and_files import GrainScatterError
 from analysis.quantities import CRITICAL_BLOCK, CRITICAL_FROM
 from campaign.config_keys import Settings
 
+#: Standard deviation of the critical void ratio of single packings of 1,000 spheres (the laptop campaign), and the slope
+#: of the critical state line, -de / d ln p' (tests/benchmarks/bench_paths.py, 0.13 to 5 MPa).
+VOID_RATIO_SCATTER, CRITICAL_SLOPE = 0.005, 0.0035
 #: Number of spheres below which an undrained test says little about p'.
 FEW_UNDRAINED = 1000
 #: Width of the last windows of a record in strain (yade_scripts/record.py), whose means are the last values.
@@ -85,7 +89,10 @@ def parse_share(text: str) -> float:
 
 def scatter_of_pressure(N: int) -> str:
     """Return what the scatter of packings of N spheres means for p' of an undrained test, in words."""
-    return "packings of so few spheres scatter in void ratio"
+    factor = math.exp(VOID_RATIO_SCATTER * math.sqrt(1000.0 / N) / CRITICAL_SLOPE)
+    return (
+        f"at a given void ratio p' of single packings at the critical state scatters by a factor of about {factor:.0f}"
+    )
 
 
 def settings_warnings(config: Settings) -> list[str]:

@@ -83,12 +83,17 @@ def _row(results: Results, state: str, symbol: str, mu_iso: float) -> dict[str, 
 
 
 def _of_points(results: Results, state: str, symbol: str, mu_iso: float) -> np.ndarray:
-    """Moments and quantiles (4, 2) of the points, without uncertainties; NaN where the state is withheld."""
+    """Moments and quantiles (4, 2) of the points, without uncertainties; NaN where the state is withheld.
+
+    A single point has no scatter: only its value is given.
+    """
     values = results.shown_state(state, "eta" if symbol == ANGLE else symbol, mu_iso)
     values = friction_angle(values, results.loading.direction) if symbol == ANGLE else values
     probability = results.probability(mu_iso)
     moments = [float(weighted.mean(values, probability)), float(weighted.std(values, probability))]
     moments += [float(weighted.quantile(values, probability, q)) for q in NUMBERS.values() if q is not None]
+    if np.count_nonzero(np.isfinite(values) & (probability > 0)) < 2:
+        moments[1:] = [np.nan] * (len(moments) - 1)
     return np.stack([moments, np.full(len(moments), np.nan)], axis=1)
 
 

@@ -5,7 +5,7 @@
     python3 tests/benchmarks/bench_paths.py --table      what the rows say
 
 Rows are appended to data/benchmarks/paths.csv; a case that has a row is not run again.  `line` has drained tests at
-three sigma_3 and undrained ones from several void ratios, one that liquefies and one that becomes too stiff among them.
+four sigma_3 and undrained ones from several void ratios, one that liquefies and one that becomes too stiff among them.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from dem_runs import ROOT, RunCrashed, RunFailed, assembly, digest, run
 from analysis.runs.peak_critical import TriaxialError, critical_state, mean_stress, peak_state, stress_ratio
 
 ROWS = ROOT / "data" / "benchmarks" / "paths.csv"
-KEYS = ("part", "path", "direction", "mu_iso", "mu_s", "sigma_3", "N", "seed")
+KEYS = ("part", "path", "direction", "mu_iso", "mu_s", "sigma_3", "stiff_cap", "N", "seed")
 COLUMNS = (*KEYS, "scripts", "failure", "end", "strain", "liquefied_from", "eta_peak", "eta_peak_error", "eta_critical",
            "eta_error", "e", "e_error", "p", "p_error", "Z", "drift_eta", "drift_e", "servo_mean", "servo_max",
            "energy_error", "inertial_number", "steps", "cpu_seconds")  # fmt: skip
-G_P, RATE, STRAIN = 25.7e9, 2.4e-3, 0.40
+G_P, RATE, STRAIN, CAP = 25.7e9, 2.4e-3, 0.40, 10e6
 PATHS, DIRECTIONS = ("drained", "constant_p", "undrained"), ("compression", "extension")
 
 
@@ -48,15 +48,15 @@ def states():
     """Every test of one packing of 500 spheres at three densities, for three mu_s."""
     for mu_iso, mu_s, path, direction in itertools.product((0.04, 0.1, 0.001), (0.25, 0.5, 0.1), PATHS, DIRECTIONS):
         if (path, direction) != ("constant_p", "extension") or mu_s == 0.25:
-            yield path, direction, mu_iso, mu_s, 100e3, 500, 1
+            yield path, direction, mu_iso, mu_s, 100e3, CAP, 500, 1
 
 
 def line():
-    """Drained tests at three sigma_3; undrained ones from a dense packing to one that is looser than critical."""
-    for sigma_3 in (100e3, 1e6, 4e6):
-        yield "drained", "compression", 0.04, 0.25, sigma_3, 2000, 1
-    for mu_iso in (0.1, 0.07, 0.15, 0.04, 0.25):
-        yield "undrained", "compression", mu_iso, 0.25, 100e3, 2000, 1
+    """Drained tests at four sigma_3; undrained ones of dense to loose packings, some with a cap beyond their state."""
+    for sigma_3 in (100e3, 1e6, 4e6, 20e6):
+        yield "drained", "compression", 0.04, 0.25, sigma_3, CAP, 2000, 1
+    for mu_iso, cap in ((0.08, 100e6), (0.1, CAP), (0.07, 100e6), (0.04, CAP), (0.25, CAP)):
+        yield "undrained", "compression", mu_iso, 0.25, 100e3, cap, 2000, 1
 
 
 def fill(case: dict) -> None:
@@ -69,6 +69,7 @@ def fill(case: dict) -> None:
     first = {"assembly": grains, "mu_iso": case["mu_iso"], "seed": case["seed"]}
     own = {"mu_s": case["mu_s"]}
     test = {"path": case["path"], "direction": case["direction"], "strain_end": STRAIN, "inertial_number": RATE}
+    test |= {"stiff_cap": case["stiff_cap"]} if case["path"] == "undrained" else {}
     try:
         start = run("consolidate", **first, **common)
         start = run("probe", start=start, **own, **common)
