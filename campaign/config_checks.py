@@ -9,8 +9,8 @@ from analysis.errors_and_files import GrainScatterError
 from analysis.quantities import CRITICAL_BLOCK, CRITICAL_FROM
 from campaign.config_keys import Settings
 
-#: Standard deviation of the critical void ratio of single packings of 1,000 spheres (the laptop campaign), and the slope
-#: of the critical state line, -de / d ln p' (tests/benchmarks/bench_paths.py, 0.13 to 5 MPa).
+#: Standard deviation of the critical void ratio of single packings of 1,000 spheres (the laptop campaign), and slope of
+#: the critical state line, -de / d ln p' (tests/benchmarks/bench_paths.py, 0.13 to 5 MPa).
 VOID_RATIO_SCATTER, CRITICAL_SLOPE = 0.005, 0.0035
 #: Number of spheres below which an undrained test says little about p'.
 FEW_UNDRAINED = 1000

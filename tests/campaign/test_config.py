@@ -5,6 +5,7 @@ from dataclasses import fields
 import pytest
 
 from campaign.config import ROOT, ConfigError, parse_config, read_config
+from campaign.config_checks import settings_warnings
 from campaign.config_keys import SECTIONS, Slurm
 
 
@@ -85,3 +86,11 @@ def test_a_byte_order_mark_does_no_harm(tmp_path):
 def test_values_at_the_limits_of_a_unit_are_taken():
     assert parse_config("[material]\nrho = 1050").material.rho == 1050.0
     assert parse_config("[assembly]\nd50_mm = 40").assembly.d50_mm == 40.0
+
+
+def test_undrained_tests_of_few_spheres_are_warned_of_with_their_scatter():
+    few, enough = (parse_config(f'[assembly]\nN = {N}\n[shear]\npath = "undrained"') for N in (400, 1000))
+    assert settings_warnings(enough) == [] and settings_warnings(parse_config("[assembly]\nN = 400")) == []
+    (line,) = settings_warnings(few)
+    assert 'assembly.N = 400 with shear.path = "undrained"' in line and "factor of about 10 in p'" in line
+    assert line.endswith("use N >= 1000")
