@@ -26,15 +26,17 @@ ORDER = ("probe", "transformation", "peak", "strength", "critical")
 NAMES = ("mean", "sd", "q05", "q95")
 
 DESIGN = (
-    "These numbers hold for freely rotating spheres. Spheres are weaker than sand, whose grains interlock: quartz sand "
-    "has a critical friction angle of about 33° (Bolton 1986). Use the numbers to judge how strongly the scatter of "
-    "grain properties changes the soil, not as design values of a sand. The 5 % quantile is the characteristic value "
-    "of a large volume of such soil; the scatter within one deposit is not in it."
+    "These numbers hold for freely rotating spheres. Spheres are weaker than sand, because sand grains interlock: "
+    "quartz sand has a critical friction angle of about 33° (Bolton 1986). Use the numbers only to compare how "
+    "strongly the scatter of grain properties changes the soil. Do not use them as design values. The 5 % quantile "
+    "describes the differences between soils, each of which has one set of grain properties throughout; the "
+    "variation inside one deposit is not in it."
 )
 MEANING = (
-    "Mean, standard deviation and quantiles of what the {kind} do to the soil, without the noise of packings and of "
-    "single runs. ± is the half width of the 95 % interval, {interval}. A number and its uncertainty are rounded "
-    "together. tables/quote.csv has the same numbers, and the uncertainties of the quantiles."
+    "The tables show the effect of the {kind} alone: the noise of packings and of single runs is removed from mean, "
+    "standard deviation and quantiles. ± is the remaining uncertainty, half the width of the 95 % interval, "
+    "{interval}. Each number is rounded to the precision of its uncertainty. tables/quote.csv has the same numbers, "
+    "and the uncertainties of the quantiles."
 )
 
 
@@ -76,7 +78,7 @@ def _density(rows: pd.DataFrame, key: str, ends: pd.DataFrame) -> str:
         part = rows[rows["state"] == state]
         judged = part.iloc[0]["standing"] if state not in UNDRAINED_STATES else ""
         standing = marked("; ".join(filter(None, [judged, loading_words.holds_for(part, ends)])))
-        body.append(f'<tr class="state"><th colspan="5">{STATES[state]} <span>{standing}</span></th></tr>')
+        body.append(f'<tr class="state"><th colspan="5">{STATES[state]}<span>: {standing}</span></th></tr>')
         for row in part.to_dict("records"):
             where = f"{row['mu_iso']:g}/{row['state']}/{row['quantity']}"
             cells = "".join(f'<td data-quote="{where}/{name}">{quoted(row, name)}</td>' for name in NAMES)
@@ -99,7 +101,8 @@ def standing_words(quote: pd.DataFrame) -> list[str]:
     states = quote.drop_duplicates(["mu_iso", "state"])
     meaning = {
         NOT_REACHED: "The tests did not reach it, and its numbers are withheld.",
-        NOT_PROVEN: "The mean curves may still drift by more than the limits, so these numbers may still change.",
+        NOT_PROVEN: "The state was reached. The runs are too few or too small to show that the mean curves are steady, "
+        "so these numbers might change if the tests went on.",
     }
     words = []
     for state in ("peak", "critical"):
@@ -132,7 +135,7 @@ def basis_words(results: Results, frames: Frames) -> list[str]:
 
 def cite_words() -> str:
     """How to cite, in one sentence."""
-    return f"Cite: grain-scatter {__version__}, and for the method {published.REFERENCE}"
+    return f'Cite: grain-scatter {__version__} (see "How to cite" below), and for the method {published.REFERENCE}'
 
 
 def _size(results: Results, frames: Frames) -> list[tuple[str, str]]:

@@ -63,8 +63,9 @@ def question(results: Results) -> str:
     if is_pair_of_friction_and_modulus(results) and are_measured(results):
         return (
             "How does the scatter of grain properties affect the behaviour of the soil? "
-            f"{plural(count, 'pair', 'pairs')} of interparticle friction mu_s and particle shear modulus G_p represent "
-            f"the distribution of {len(results.pairs)} pairs ({source}), each with its probability."
+            f"A joint distribution was fitted to {len(results.pairs)} pairs of interparticle friction mu_s and "
+            f"particle shear modulus G_p ({source}). {plural(count, 'pair', 'pairs')}, each with a probability, "
+            "represent it."
         )
     joint = "distribution" if len(names) == 1 else "joint distribution"
     given = f"of {len(results.pairs)} rows of measurements ({source})" if are_measured(results) else "that was given"
@@ -77,8 +78,8 @@ def question(results: Results) -> str:
 def interval_words(results: Results, facts: pd.Series) -> str:
     """What the intervals of the numbers to quote contain."""
     if not facts["measurements"]:
-        return "which contains that noise, but not the uncertainty of the inputs"
-    return f"which contains that noise and the limited number of {_measurements(results)}"
+        return "caused by that noise; the uncertainty of the inputs is not in it"
+    return f"caused by that noise and by the limited number of {_measurements(results)}"
 
 
 def accuracy_words(results: Results, facts: pd.Series) -> list[str]:

@@ -151,7 +151,7 @@ def test_the_report_says_which_test_it_is_and_where_it_is_not_the_papers(results
     frames = synthetic.frames(0.02)
     usual = with_settings(results)
     text = " ".join(conditions.tested(usual, frames))
-    for words in ("5 pairs of interparticle friction", "27 spheres (median diameter 0.248 mm)", "stress of 100 kPa",
+    for words in ("5 pairs, each with a probability", "27 spheres (median diameter 0.248 mm)", "stress of 100 kPa",
                   "logarithmic", "3 densities, dense, medium and loose", "0.001, 0.04 and 0.1"):  # fmt: skip
         assert words in text, words
     assert conditions.paper_differences(usual) == []
