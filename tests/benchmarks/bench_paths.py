@@ -1,8 +1,8 @@
 """Drained, constant-p' and undrained tests in compression and extension, run for real: states, proofs, critical line.
 
-    python3 tests/benchmarks/bench_paths.py states       6 tests x 3 densities x 3 mu_s, N = 500; about 40 CPU-minutes
-    python3 tests/benchmarks/bench_paths.py line         e against ln p', N = 2,000; about 25 CPU-minutes
-    python3 tests/benchmarks/bench_paths.py --table      what the rows say
+    python3 tests/benchmarks/bench_paths.py --part states    6 tests x 3 densities x 3 mu_s, N = 500; about 40 CPU-minutes
+    python3 tests/benchmarks/bench_paths.py --part line      e against ln p', N = 2,000; about 25 CPU-minutes
+    python3 tests/benchmarks/bench_paths.py --table          what the rows say
 
 Rows are appended to data/benchmarks/paths.csv; a case that has a row is not run again.  `line` has drained tests at
 four sigma_3 and undrained ones from several void ratios, one that liquefies and one that becomes too stiff among them.
@@ -34,7 +34,7 @@ PATHS, DIRECTIONS = ("drained", "constant_p", "undrained"), ("compression", "ext
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("part", nargs="*", choices=("states", "line"))
+    parser.add_argument("--part", action="append", default=[], choices=("states", "line"))
     parser.add_argument("--table", action="store_true")
     args = parser.parse_args()
     for part in args.part:
