@@ -21,6 +21,7 @@ from yade_scripts.rve import O
 RATE_FLOOR = 0.1  # of sigma_3: the rate does not fall any more below this p'
 LIQUEFIED, LIQUEFIED_STRAIN = 0.05, 0.01  # p' over sigma_3 below which, and strain over which, a test has liquefied
 GOAL_STEPS, GOAL_FILTER = 5, 0.3  # constant_p: steps between two goals, share of the newest axial stress in the filter
+GOAL_GAIN = 0.1  # constant_p: share of the error of p' that is added to the goal of p' at each goal
 VOLUME_STEPS = 10  # undrained: steps between two settings of the lateral rate
 
 
@@ -126,30 +127,31 @@ class ConstantP(Drained):
     def __init__(self, p):
         super().__init__(p)
         self.pressure, self.axial = p.sigma_3, p.sigma_3  # goal of p', filtered axial stress
-        self.sum, self.count, self.mean = 0.0, 0, p.sigma_3  # of p' since the last sample; mean before that
+        self.sum, self.count = 0.0, 0  # of p' since the last sample
 
     def go_on(self) -> None:
         rve.every(GOAL_STEPS, self._aim, label="hold")
 
     def _aim(self) -> None:
-        servo = rve.engine("servo")
-        self.sum, self.count = self.sum - sum(servo.stress) / 3.0, self.count + 1
+        servo, target = rve.engine("servo"), self.p.sigma_3
+        pressure = -sum(servo.stress) / 3.0
+        self.sum, self.count = self.sum + pressure, self.count + 1
+        self.pressure = min(max(self.pressure + GOAL_GAIN * (target - pressure), 0.95 * target), 1.05 * target)
         self.axial += GOAL_FILTER * (-servo.stress[2] - self.axial)
-        lateral = -max(0.5 * (3.0 * self.pressure - self.axial), 0.02 * self.p.sigma_3)
+        lateral = -max(0.5 * (3.0 * self.pressure - self.axial), 0.02 * target)
         servo.goal = Vector3(lateral, lateral, servo.goal[2])
 
     def mean_error(self, sample: dict) -> float:
-        if self.count:
-            self.mean, self.sum, self.count = self.sum / self.count, 0.0, 0
-        return self.mean / self.p.sigma_3 - 1.0
+        if not self.count:
+            return self.error(sample)
+        mean, self.sum, self.count = self.sum / self.count, 0.0, 0
+        return mean / self.p.sigma_3 - 1.0
 
     def error(self, sample: dict) -> float:
         return float(np.trace(sample["sigma"])) / 3.0 / self.p.sigma_3 - 1.0
 
-    def _trim(self, sigma: np.ndarray, gain: float = 0.1) -> None:
-        p = self.p
-        shifted = self.pressure - gain * (self.mean - p.sigma_3)
-        self.pressure = min(max(shifted, 0.95 * p.sigma_3), 1.05 * p.sigma_3)
+    def _trim(self, sigma: np.ndarray, gain: float = 0.0) -> None:
+        """Nothing: `_aim` does it more often."""
 
     def to_dict(self) -> dict:
         return super().to_dict() | {"pressure": self.pressure, "axial": self.axial}
