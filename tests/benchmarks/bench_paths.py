@@ -1,7 +1,7 @@
 """Drained, constant-p' and undrained tests in compression and extension, run for real: states, proofs, critical line.
 
-    python3 tests/benchmarks/bench_paths.py --part states    6 tests x 3 densities x 3 mu_s, N = 500; about 40 CPU-minutes
-    python3 tests/benchmarks/bench_paths.py --part line      e against ln p', N = 2,000; about 25 CPU-minutes
+    python3 tests/benchmarks/bench_paths.py --part states    6 tests x 3 densities x 3 mu_s, N = 500; 40 CPU-minutes
+    python3 tests/benchmarks/bench_paths.py --part line      e against ln p', N = 2,000; 25 CPU-minutes
     python3 tests/benchmarks/bench_paths.py --table          what the rows say
 
 Rows are appended to data/benchmarks/paths.csv; a case that has a row is not run again.  `line` has drained tests at

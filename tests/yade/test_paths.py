@@ -55,7 +55,9 @@ def test_a_path_holds_what_it_says_and_the_signs_are_a_laboratorys(folder, path,
             "undrained": np.prod(record["cell"], axis=1) / np.prod(record["cell"][0])}[path]  # fmt: skip
     window, sample = {"drained": (0.01, 0.05), "constant_p": (0.002, 0.02), "undrained": (1e-9, 1e-9)}[path]
     # Means of edges are no edges of a mean volume: within a window of 1 % strain their product is off by some 1e-5.
-    assert np.abs(held[late] - 1).max() < (1e-4 if path == "undrained" else window)
+    # The stress tensor of a window is the mean of twenty samples, `servo_mean` of p' that of all goals.
+    assert np.abs(held[late] - 1).max() < {"drained": window, "constant_p": 0.01, "undrained": 1e-4}[path]
+    assert np.abs(record["servo_mean"][late]).max() < window
     assert proofs["servo_mean_error"] < window and proofs["servo_max_error"] < sample
     assert proofs["max_inertial_number"] < 2.5e-3 and proofs["energy_error"] < 0.03
     if path == "undrained":
