@@ -12,6 +12,7 @@ import synthetic_results
 import synthetic_runs
 from paths import ROOT
 
+from analysis.quantities import DRAINED
 from analysis.report import numbers, wording
 from analysis.results.build import CampaignInfo, _write_head
 from campaign.__main__ import main
@@ -105,7 +106,7 @@ def test_damaged_fits_end_in_one_line(damage, tmp_path, capsys):
 
 def test_warnings_reach_the_results_and_the_report(tmp_path):
     said = ["mu_s: 1 of 32 values lies far from all others"]
-    none = SimpleNamespace(strain=np.zeros(2), densities=(), diameters=np.ones(3), grading={})
+    none = SimpleNamespace(strain=np.zeros(2), densities=(), diameters=np.ones(3), grading={}, loading=DRAINED)
     for warnings, paragraphs in ((said, [f"Warning: {said[0]}."]), ([], [])):
         with h5py.File(tmp_path / "head.h5", "w") as file:
             info = CampaignInfo(warnings=warnings)
