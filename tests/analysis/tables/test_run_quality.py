@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from analysis.quantities import DRAINED
 from analysis.runs.peak_critical import off_axis, principal_stress_ratio
 from analysis.tables.run_quality import rowe
 
@@ -48,6 +49,7 @@ def test_rowes_ratio_is_the_one_that_the_states_were_made_with():
         state_symbols=lambda state, mu_iso: ("eta", "D_p"),
         shown_state=lambda state, symbol, mu_iso: states[state, symbol],
         probability=lambda mu_iso: np.array([0.5, 0.25, 0.25]),
+        loading=DRAINED,
     )
     row = rowe(results).iloc[0]
     assert row["ratio"] == pytest.approx(0.925) and row["dilatancy"] == pytest.approx(0.25)
