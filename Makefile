@@ -39,9 +39,9 @@ report: ## every table and figure and the report from data/laptop/results.h5; a 
 	@ls -d $(MODULES) >/dev/null 2>&1 || $(call apt_install,$(ANALYSIS))
 	@$(PYTHON) -m campaign report
 
-test: setup ## the tests, YADE included; those of campaign/ in a second process at the same time
-	@log=$$(mktemp); $(PYTHON) -m pytest -q tests/campaign >$$log 2>&1 & second=$$!; \
-	  $(PYTHON) -m pytest -q --ignore=tests/campaign; code=$$?; \
+test: setup ## the tests, YADE included; those of campaign/ and yade/ in a second process at the same time
+	@log=$$(mktemp); $(PYTHON) -m pytest -q tests/campaign tests/yade >$$log 2>&1 & second=$$!; \
+	  $(PYTHON) -m pytest -q --ignore=tests/campaign --ignore=tests/yade; code=$$?; \
 	  wait $$second || code=1; cat $$log; rm -f $$log; exit $$code
 
 test-long: setup ## the tests that take minutes
