@@ -13,15 +13,17 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pandas as pd
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
-scene = sys.modules["yade_scripts.rve"] = ModuleType("yade_scripts.rve")  # proofs need of it, and of YADE, one error
-scene.ProofError = RuntimeError
+# Of these two, which need YADE, the proofs take one error and one number; steadiness uses neither.
+for name, content in (("rve", {"ProofError": RuntimeError}), ("paths", {"RATE_FLOOR": 0.0})):
+    sys.modules[f"yade_scripts.{name}"] = ModuleType(f"yade_scripts.{name}")
+    vars(sys.modules[f"yade_scripts.{name}"]).update(content)
 
 from analysis.runs.archive import Archive  # noqa: E402
 from analysis.runs.peak_critical import critical_state  # noqa: E402
@@ -29,6 +31,8 @@ from yade_scripts.proofs import is_steady  # noqa: E402
 
 RUNS, OUT = ROOT / "data" / "laptop" / "runs.h5", ROOT / "data" / "benchmarks" / "steady.csv"
 SYMBOLS = ("eta", "e", "Z")
+#: What must be steady in a drained test, as in yade_scripts/paths.py.
+DRAINED = SimpleNamespace(steady={"eta": 0.05, "e": 0.01})
 
 
 def main() -> None:
@@ -47,12 +51,17 @@ def density(run_id: str) -> dict:
     return {"mu_iso": next(float(part[3:]) for part in run_id.split("_") if part.startswith("iso"))}
 
 
+def windows(rows: list[dict]) -> SimpleNamespace:
+    """The rows of a drained compression as the proofs read them."""
+    return SimpleNamespace(rows=rows, path=DRAINED, strain=lambda row: row["eps_a"])
+
+
 def ended(run) -> dict:
     """One run (a Contribution): where it ends with `stop_when_steady`, and what that does to its critical state."""
     strain, values = run.states.eps_a, {symbol: run.states.responses[symbol] for symbol in SYMBOLS}
     rows = [{"eps_a": a, "e": e, "sigma": stress(eta)} for a, e, eta in zip(strain, values["e"], values["eta"],
                                                                             strict=True)]  # fmt: skip
-    end = next((k for k in range(4, len(rows)) if is_steady(rows[:k])), len(rows))
+    end = next((k for k in range(4, len(rows)) if is_steady(windows(rows[:k]))), len(rows))
     whole = critical_state(strain, values).mean
     short = critical_state(strain[:end], {symbol: v[:end] for symbol, v in values.items()}).mean
     off = {symbol: short[symbol] / whole[symbol] - 1.0 for symbol in SYMBOLS}
