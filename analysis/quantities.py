@@ -180,7 +180,8 @@ QUANTITIES: dict[str, Quantity] = {**INPUTS, **RECORD, **RESPONSES, **SCALARS, *
 PATHS = ("drained", "constant_p", "undrained")
 DIRECTIONS = ("compression", "extension")
 #: Ends of an undrained test before its strain: p' fell for good below 5 % of its start, or rose above a cap.
-EARLY_ENDS = ("liquefied", "stiff")
+#: End -> what the test did, in words.
+EARLY_ENDS = {"liquefied": "liquefied", "stiff": "became stiff"}
 
 
 class Loading(NamedTuple):

@@ -11,8 +11,8 @@ from campaign.config_keys import Settings
 
 #: Standard deviation of the critical void ratio of single packings of 1,000 spheres (the laptop campaign), and slope of
 #: the critical state line, -de / d ln p' (tests/benchmarks/bench_paths.py, 0.13 to 5 MPa).
-VOID_RATIO_SCATTER, CRITICAL_SLOPE = 0.005, 0.0035
-#: Number of spheres below which an undrained test says little about p'.
+VOID_RATIO_SCATTER, CRITICAL_SLOPE = 0.004, 0.0035
+#: Number of spheres below which p' of an undrained test scatters too widely.
 FEW_UNDRAINED = 1000
 #: Width of the last windows of a record in strain (yade_scripts/record.py), whose means are the last values.
 LAST_WINDOW = 0.005

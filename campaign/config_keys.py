@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+from analysis.quantities import DIRECTIONS, PATHS
+
 #: Largest number of runs at once, of the key run.jobs and of the option --jobs.
 MOST_JOBS = 4096
 #: Kind of a key that is a list of random seeds, or a number of them: n stands for the seeds 1 to n.
@@ -113,12 +115,10 @@ class Consolidation:
 @dataclass(frozen=True)
 class Shear:
     path: str = key(
-        "drained", str, choices=("drained", "constant_p", "undrained"),
+        "drained", str, choices=PATHS,
         doc="what the test holds: drained: sigma_3; constant_p: p'; undrained: the volume",
     )  # fmt: skip
-    direction: str = key(
-        "compression", str, choices=("compression", "extension"), doc="whether the z axis shortens or lengthens"
-    )
+    direction: str = key("compression", str, choices=DIRECTIONS, doc="whether the z axis shortens or lengthens")
     stiff_cap_MPa: float = key(
         10.0, float, 0.01, 1e4, doc="p' at which an undrained test ends, MPa: real grains would crush",
         asks=("", "is it kPa?"),

@@ -250,7 +250,7 @@ def predicted_steps(stage: str, values: dict[str, Any]) -> float:
 
 def equivalent_strain(values: dict[str, Any]) -> float:
     """Return the strain of a drained compression that has as many steps as a shear run with these parameters."""
-    strain, path, extends = values["strain_end"], values.get("path", "drained"), "direction" in values
+    strain, path, extends = values["strain_end"], values.get("path", "drained"), values.get("direction") == "extension"
     if path == "undrained":
         mu_iso = values.get("mu_iso", UNDRAINED_STRAIN[-1][0])
         (low, dense), (high, medium) = UNDRAINED_STRAIN

@@ -98,7 +98,7 @@ def _write_all(folder: Path, writes: Writes) -> None:
 def read_inputs(folder: Path) -> dict[str, Any]:
     """Return the contents of inputs.json, {} without the file.
 
-    Raises PlanError if it is damaged: the points that the runs have cannot be told from it, OSError if it cannot be
+    Raises PlanError if it is damaged: the points of the runs cannot be read from it, OSError if it cannot be
     read now.
     """
     path = folder / "inputs.json"

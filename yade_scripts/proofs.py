@@ -83,8 +83,8 @@ def steadiness(windows) -> dict[str, float]:
 def is_steady(windows) -> bool:
     """True when, past 25 % strain, what must be steady is: e drifts by less than 1 % per 10 % of strain, and so on.
 
-    The drifts of eta and p' must be known to 5 % and be less than 1 % or their noise: a drift that cannot be told from
-    scatter proves nothing, and a small run goes on.
+    The drifts of eta and p' must be known to 5 % and be less than 1 % or their noise: a drift that cannot be
+    distinguished from scatter proves nothing, and a small run goes on.
     """
     if windows.strain(windows.rows[-1]) < STEADY_FROM + 0.5 * STEADY_WINDOW:
         return False

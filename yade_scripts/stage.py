@@ -18,6 +18,7 @@ from types import SimpleNamespace
 from yade import utils
 
 from analysis.assembly import AssemblyError
+from analysis.quantities import DIRECTIONS
 from yade_scripts.paths import PATHS
 from yade_scripts.product import Product, ProductError
 from yade_scripts.proofs import I_LIMIT
@@ -121,7 +122,7 @@ def check(p) -> None:
         value = getattr(p, name)
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
             raise ProofError(f"{name} = {value!r} is outside [{low:g}, {high:g}]")
-    for name, choices in (("path", tuple(PATHS)), ("direction", ("compression", "extension"))):
+    for name, choices in (("path", tuple(PATHS)), ("direction", DIRECTIONS)):
         if getattr(p, name) not in choices:
             raise ProofError(f"{name} = {getattr(p, name)!r} is none of {', '.join(choices)}")
     if p.path != "drained" and p.stiffness_scale != 1.0:

@@ -65,8 +65,8 @@ FIGURES: dict[str, Draw] = {
         frames["critical_points"], frames["critical_lines"]
     ),
 }
-#: Figures of undrained tests only, and figures that these have not, because the volume is held.
-UNDRAINED, NOT_UNDRAINED = tuple(name for name in FIGURES if name >= "fig17"), ("fig08_void_ratio",)
+#: Figures of undrained tests only, and figures that these do not have, because the volume is held.
+UNDRAINED, NOT_UNDRAINED = ("fig17_stress_path", "fig18_pore_pressure", "fig19_critical_line"), ("fig08_void_ratio",)
 
 
 def drawn(results: Results) -> list[str]:

@@ -18,7 +18,6 @@ CELLS, KERNEL = 60, 3.5
 #: Share of p' below which |q| is not shown: the start of a path at rest.
 LEAST = 0.02
 MARKS = {"liquefied": "x", "stiff": "s"}
-WORDS = {"liquefied": "liquefied", "stiff": "became stiff"}
 
 
 @style.styled
@@ -33,7 +32,7 @@ def stress_path(results: Results) -> Figure:
     for axis, letter, mu_iso in zip(axes, "abcdefghijk", densities, strict=False):
         paths = _paths(results, mu_iso)
         if not np.isfinite(paths[1]).any():
-            panels.withheld(axis, f"{style.density_title(mu_iso, densities)}:\nall tests ended at once")
+            panels.withheld(axis, f"{style.density_title(mu_iso, densities)}:\nall tests ended at the start")
             continue
         _occupied(axis, *paths, results.probability(mu_iso))
         for q in np.flatnonzero(results.probability(mu_iso) > 0):
@@ -108,7 +107,7 @@ def _marks(axis: Axes, results: Results, mu_iso: float, paths: tuple[np.ndarray,
 def _handles() -> list[Line2D]:
     looks = [("^", "phase transformation"), ("o", "critical state")]
     handles = [Line2D([], [], marker=m, color="k", mfc="white", mew=0.7, ms=4, ls="none", label=t) for m, t in looks]
-    handles += [Line2D([], [], marker=marker, color="#b00040", mfc="none", ms=4, ls="none", label=WORDS[kind])
+    handles += [Line2D([], [], marker=marker, color="#b00040", mfc="none", ms=4, ls="none", label=EARLY_ENDS[kind])
                 for kind, marker in MARKS.items()]  # fmt: skip
     lines = (("-", "mean critical stress ratio"), (":", "mean at phase transformation"))
     return handles + [Line2D([], [], color="#b00040", lw=1.1, ls=look, label=text) for look, text in lines]
@@ -163,7 +162,7 @@ def _ends(axis: Axes, results: Results) -> None:
                 continue
             any_end = True
             axis.plot(strain, ended.probability, color=look["color"], ls=line, drawstyle="steps-post",
-                      label=f"{look['label'].split(',')[0]}: {WORDS[kind]}")  # fmt: skip
+                      label=f"{look['label'].split(',')[0]}: {EARLY_ENDS[kind]}")  # fmt: skip
             axis.fill_between(strain, ended.low, ended.high, step="post", color=look["color"], alpha=0.12, lw=0)
     axis.set(xlabel=results.loading.strain_label, ylabel="Probability", ylim=(0, 1), xlim=(0, None))
     if any_end:

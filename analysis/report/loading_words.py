@@ -13,7 +13,6 @@ from . import page
 Frames = Mapping[str, pd.DataFrame]
 #: Cap of p' (MPa) at which an undrained test ends as stiff, where the settings do not state it.
 CAP_MPA = 10.0
-ENDED = {"liquefied": "liquefied", "stiff": "became stiff"}
 #: Meanings of quantities in extension, undrained and at constant p', for the glossary.
 EXTENSION = {
     "eps_a": "logarithmic strain along z since the start of shear, shown positive in extension",
@@ -27,13 +26,13 @@ OF_SIGMA_3 = {
     "constant_p": "isotropic stress after consolidation; p' keeps this value",
     "undrained": "isotropic stress after consolidation, and the constant total lateral stress",
 }
-#: Symbols of the glossary that undrained tests have not, and that only they have.
+#: Symbols of the glossary that undrained tests do not have, and those that only they have.
 NOT_UNDRAINED, UNDRAINED = ("eps_v", "D_p"), ("u", "r_u", "s_u", "eps_pt")
 TERMS_UNDRAINED = {
     "phase transformation": "smallest p' of a test, if p' rises again by a tenth at least",
     "liquefied": "p' fell below 5 % of its start for good; the test ends there",
     "stiff": "p' rose above a cap, beyond which grains would crush; the test ends there",
-    "conditional": "a number of those tests only that went on so far, with their probabilities scaled to the sum 1",
+    "conditional": "a number that holds for the tests that have not ended; their probabilities are scaled to the sum 1",
 }
 
 
@@ -61,8 +60,8 @@ def further(results: Results) -> list[str]:
             "Stresses are effective stresses; the excess pore pressure u is what the effective lateral stress has "
             "lost, since the total lateral stress is constant. A test ends before its strain if it liquefies (p' below "
             f"5 % of its start for good) or becomes stiff (p' above {cap:g} MPa, beyond which grains would crush). "
-            "Both are results: the point keeps its probability, and what is stated of the others is conditional on "
-            "their tests going on."
+            "Both are results: the point keeps its probability, and the numbers of the other points hold for the tests "
+            "that go on."
         )
     return [" ".join(words)]
 
@@ -96,7 +95,7 @@ def holds_for(rows: pd.DataFrame, ends: pd.DataFrame) -> str:
         return ""
     share, state = float(rows["holds_for"].max()), rows.iloc[0]["state"]
     of_density = ends[(ends["mu_iso"] == rows.iloc[0]["mu_iso"]) & (ends["family"] == "coupled")]
-    parts = [f"{percent(row['probability'])} {ENDED[row['end']]}" for _, row in of_density.iterrows()
+    parts = [f"{percent(row['probability'])} {EARLY_ENDS[row['end']]}" for _, row in of_density.iterrows()
              if row["end"] in EARLY_ENDS and row["points"]]  # fmt: skip
     if state == "transformation":
         return "no test shows one" if share == 0 else f"shown by {percent(share)} of the probability"

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..quantities import DRAINED, QUANTITIES, Loading
+from ..quantities import DRAINED, EARLY_ENDS, QUANTITIES, Loading
 from ..results.reader import Results
 from ..tables import published
-from . import conditions, input_words, loading_words, page, wording
+from . import conditions, input_words, page, wording
 from .headings import in_order, readable
 
 Frames = Mapping[str, pd.DataFrame]
@@ -48,7 +48,7 @@ def ended_tests(frames: Frames, names: Names) -> str:
     frame = frame[frame["family"] == "coupled"]
     columns = (frame[f"{name}_strain_pct"] for name in ("first", "median", "last"))
     strains = [", ".join(map(page.number, row)) if np.isfinite(row[0]) else "–" for row in zip(*columns, strict=True)]
-    words = {**loading_words.ENDED, "none": "went on to the last strain"}
+    words = {**EARLY_ENDS, "none": "went on to the last strain"}
     shown = frame[["mu_iso", "points"]].assign(end=[words[end] for end in frame["end"]], strains=strains,
                                                probability=page.intervals(frame, "probability"))  # fmt: skip
     shown = readable(shown[["mu_iso", "end", "points", "probability", "strains"]], names)

@@ -1,7 +1,7 @@
 """Undrained tests that ended before their strain: which points they are, and the probability of such an end.
 
-A point whose test liquefied or became stiff keeps its probability.  Beyond that strain it has no response, and what is
-stated of the others is conditional on their tests going on.
+A point whose test liquefied or became stiff keeps its probability.  Beyond that strain it has no response, and the
+numbers of the other points hold for the tests that go on.
 """
 
 from __future__ import annotations
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 #: How the intervals were made, as results.h5 states it.
 INTERVAL = "95 %, Clopper-Pearson with the effective number of points (Korn and Graubard 1998; pdem/proportion.py)"
-#: Words for an end, as in "7 % liquefied before".
-WORDS = {"liquefied": "liquefied", "stiff": "became stiff"}
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,6 @@ PUSHED, ASYMMETRY, OFF = 0.005, 0.05, 0.01
 NEAR, START = 0.5, 1e-3
 #: Rows of a record below which an early end leaves no state but the initial one.
 FEWEST_ROWS = 5
-_ENDED = {"liquefied": "liquefied", "stiff": "became stiff"}
 
 
 @dataclass(frozen=True)
@@ -86,7 +85,7 @@ def run_states(run: Run) -> RunStates:
     for state, strain_at in places.items():
         states[state] |= _grading_indices(run, strain_at, strain[-1] if ended else np.inf)
     ends_at = float(run.attrs.get("liquefied_from", strain[-1])) if ended else np.nan
-    ended_words = f"the test {_ENDED[ended]} at eps_a = {ends_at:.3g}" if ended else ""
+    ended_words = f"the test {EARLY_ENDS[ended]} at eps_a = {ends_at:.3g}" if ended else ""
     return RunStates(
         eps_a=strain,
         responses=responses,

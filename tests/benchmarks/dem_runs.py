@@ -36,7 +36,7 @@ MEASURING = (
 )  # fmt: skip
 #: Scripts whose runs repeat earlier ones' to the last digit; rows go by the earlier name.  To be entered, proven by
 #: `bench_dem.py --again`, and taken out if that fails.
-SAME_NUMBERS = {"514e813fcc": "168d003437", "e57397b0ee": "168d003437", "849cfdc589": "168d003437"}
+SAME_NUMBERS = {"514e813fcc": "168d003437", "e57397b0ee": "168d003437", "8be99cf698": "168d003437"}
 #: A stated reason that tells of a bug, not of physics.
 BUG = re.compile(r"\w*(Error|Exception|Interrupt)\b")
 _busy: dict[str, threading.Lock] = defaultdict(threading.Lock)  # one a file, so that threads share its run
