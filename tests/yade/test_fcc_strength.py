@@ -34,6 +34,5 @@ def test_the_array_comes_to_rest_and_carries_twice_the_ratio_of_a_sliding_contac
         assert len(failing) > 3
         assert failing[0]["ratio"] == pytest.approx(2.0 * (1.0 + mu) / (1.0 - mu), rel=0.003)
         assert max(row["ratio"] for row in array["rows"]) == pytest.approx(closed_form(mu), rel=0.003)
-        for row in failing:  # at the whole step the array still swings a little
-            rel = 1e-9 if array["step"] < 1.0 else 1e-4
-            assert row["ratio"] == pytest.approx(closed_form(mu, row["edges"]), rel=rel)
+        for row in failing:  # 1e-13 while rounding leaves the array symmetric, 1e-5 where it breaks the symmetry
+            assert row["ratio"] == pytest.approx(closed_form(mu, row["edges"]), rel=5e-5)
