@@ -12,6 +12,7 @@ A module imports only modules that stand above it in this list:
     plan, cell                  the table of runs and its cost; cells too thin
     choice, prepare             fitted or stated inputs and their points; the files that a campaign starts from
     products, estimate          the status of every run; the work and the time to go
+    pace                        the pace of this machine, from the campaigns that ran on it
     batches                     sequential stopping: points in batches until the target error is reached
     engine_local, engine_slurm  run what is missing, on this machine or on a cluster
     status, evaluate            counts and costs; results.h5, tables, figures and report

@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from campaign import batches, compare, engine_local, engine_slurm, evaluate
+from campaign import batches, compare, engine_local, engine_slurm, evaluate, pace
 from campaign.cell import check_cell
 from campaign.config import Config, ConfigError
 from campaign.config_checks import settings_warnings
@@ -45,6 +45,7 @@ def _plan_and_print(config: Config, folder: Path) -> list[PlannedRun]:
     print(f"{'':12}{'runs':>8}{'particle-steps':>18}{'core-hours':>12}   (predicted)")
     for stage, cost in predicted_cost(rows).items():
         print(f"{stage:12}{cost['runs']:>8}{cost['particle_steps']:>18.2e}{cost['core_hours']:>12.2f}")
+    print(pace.sentence(rows, folder), end="")
     for mu_iso, lower in collapsing(rows).items():
         print(f"mu_iso = {mu_iso:g}: {lower} of {count} points have a lower mu_s; there the packing collapses when the "
               "grains take on their own mu_s; e then depends on the grains' inertia, by under 1 %")  # fmt: skip
@@ -73,6 +74,8 @@ def _run(config: Config, folder: Path, rows: Sequence[PlannedRun], options: Name
         )
 
     added = batches.run_in_steps(config, folder, rows, engine)
+    if added:
+        pace.keep(folder, rows, run_statuses(folder, rows))
     status = campaign_status(config, folder, rows)
     counts = status["counts"]["total"]
     spared = f", {counts['spared']} spared" if counts["spared"] else ""

@@ -30,7 +30,7 @@ class Estimate:
 
 def estimate(rows: Sequence[PlannedRun], statuses: Mapping[str, RunStatus], at_once: int) -> Estimate:
     """Return what is still needed with `at_once` runs at once. Failed and spared runs need nothing."""
-    cpu, elapsed = (_paces(rows, statuses, fact) for fact in ("cpu_seconds", "wall_seconds"))
+    cpu, elapsed = (paces(rows, statuses, fact) for fact in ("cpu_seconds", "wall_seconds"))
     to_run = [row for row in rows if statuses[row.run_id].status in TO_RUN]
     running = {row.run_id for row in to_run if statuses[row.run_id].status == "running"}
     seconds = {}
@@ -44,8 +44,8 @@ def estimate(rows: Sequence[PlannedRun], statuses: Mapping[str, RunStatus], at_o
     return Estimate(work, _schedule(seconds, starts, running, at_once))
 
 
-def _paces(rows: Sequence[PlannedRun], statuses: Mapping[str, RunStatus], fact: str) -> dict[str, float]:
-    """Stage -> time over predicted time."""
+def paces(rows: Sequence[PlannedRun], statuses: Mapping[str, RunStatus], fact: str) -> dict[str, float]:
+    """Return stage -> time over predicted time; the fact is "cpu_seconds" or "wall_seconds"."""
     taken, predicted = dict.fromkeys(STAGES, 0.0), dict.fromkeys(STAGES, 0.0)
     count, total = dict.fromkeys(STAGES, 0), dict.fromkeys(STAGES, 0.0)
     for row in rows:

@@ -219,7 +219,7 @@ def finer(case: dict) -> dict:
 def repeated(rows: pd.DataFrame, jobs: int) -> pd.DataFrame:
     """Rows in which cells whose shear is off its reference have the means over REPEATS more runs of either.
 
-    `eta_error`, `e_error` and `Z_error` are the standard errors of the mean difference, relative to the reference.
+    `eta_error`, `e_error` and `Z_error` are the standard errors of the mean difference over the size of the reference.
     """
     cases = _cases()
     words = rows["reason"].fillna("").str.split()
@@ -257,7 +257,7 @@ def _repeats(case: dict) -> dict:
     if len(mine) < LEAST:
         return counts
     mine, fine = pd.DataFrame(mine), pd.DataFrame(fine)
-    error = (mine - fine).sem() / fine.mean()
+    error = (mine - fine).sem() / fine.mean().abs()
     return {**mine.mean(), **fine.mean().add_suffix("_reference"), **error.add_suffix("_error"), **counts}
 
 

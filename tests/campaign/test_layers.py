@@ -10,9 +10,9 @@ from paths import ROOT
 
 #: Each module may import those before it; the order is that of the docstring of the package.
 LAYERS = ("files", "progress", "scope", "config_keys", "config_checks", "config_variables", "config", "folder",
-          "run_one", "row", "plan", "cell", "choice", "prepare", "products", "estimate", "batches", "engine_local",
-          "engine_slurm", "status", "evaluate", "sweep_values", "sweep", "compare", "prune", "commands", "pythons",
-          "__main__")  # fmt: skip
+          "run_one", "row", "plan", "cell", "choice", "prepare", "products", "estimate", "pace", "batches",
+          "engine_local", "engine_slurm", "status", "evaluate", "sweep_values", "sweep", "compare", "prune", "commands",
+          "pythons", "__main__")  # fmt: skip
 #: Modules of `analysis` that need the standard library only, and may be imported when a module is loaded.
 LIGHT = {"analysis", "analysis.errors_and_files", "analysis.quantities"}
 SOURCES = {path.stem: ast.parse(path.read_text()) for path in (ROOT / "campaign").glob("*.py")}

@@ -1,0 +1,84 @@
+"""The pace of this machine, from the campaigns that ran on it: with it `plan` states the cost for this machine.
+
+The constants of `campaign.plan` hold for the machine of the laptop campaign; other machines were up to three times as
+fast. `run` leaves the pace of its stages in the campaign's folder; `plan` takes the newest one in the folders beside.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import platform
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from campaign.estimate import paces
+from campaign.files import read_json, write_json
+from campaign.plan import STAGES, PlannedRun
+from campaign.products import RunStatus
+
+FILE = "pace.json"
+
+
+@dataclass(frozen=True)
+class Pace:
+    """CPU time over predicted CPU time by stage, the number of runs that it is taken from, and their folder."""
+
+    by_stage: dict[str, float]
+    runs: int
+    folder: Path
+
+    def core_hours(self, rows: Iterable[PlannedRun]) -> float:
+        """Return the core-hours of these runs at this pace."""
+        return sum(row.cpu_seconds * self.by_stage[row.stage] for row in rows) / 3600.0
+
+
+def sentence(rows: Iterable[PlannedRun], folder: Path) -> str:
+    """Return what these runs cost on this machine, as a line for people; empty where the pace is not known."""
+    known = newest(folder)
+    if known is None:
+        return ""
+    hours = known.core_hours(rows)
+    return f"on this machine about {hours:.2g} core-hours, at the pace of {known.runs} runs in {known.folder.name}\n"
+
+
+def keep(folder: Path, rows: Sequence[PlannedRun], statuses: Mapping[str, RunStatus]) -> None:
+    """Write the pace of the runs that are done into the folder; nothing where none is done or the disk is full.
+
+    The runs must come from this machine.
+    """
+    done = sum(statuses[row.run_id].status == "done" for row in rows)
+    if done:
+        by_stage = paces(rows, statuses, "cpu_seconds")
+        with contextlib.suppress(OSError):
+            write_json(folder / FILE, {"machine": machine(), "runs": done, "pace": by_stage})
+
+
+def newest(folder: Path) -> Pace | None:
+    """Return the newest pace of this machine in a campaign's folder or in those beside it; None where there is none."""
+    found = []
+    for path in {*folder.parent.glob(f"*/{FILE}"), folder / FILE}:
+        with contextlib.suppress(OSError):  # the file of another campaign cannot be read: its pace is not known
+            kept = read_json(path, {})
+            by_stage = kept.get("pace")
+            if kept.get("machine") != machine() or not isinstance(by_stage, dict):
+                continue
+            if all(_positive(by_stage.get(stage)) for stage in STAGES):
+                found.append((path.stat().st_mtime, Pace(by_stage, int(kept.get("runs", 0)), path.parent)))
+    return max(found, key=lambda one: one[0])[1] if found else None
+
+
+def machine() -> str:
+    """Name of this machine and of its processor."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        lines = []
+    processor = next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), "")
+    return f"{platform.node()}, {processor or platform.machine()}, {os.cpu_count()} cores"
+
+
+def _positive(value: object) -> bool:
+    return isinstance(value, (int, float)) and math.isfinite(value) and value > 0
