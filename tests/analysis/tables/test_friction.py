@@ -57,7 +57,7 @@ def test_the_interval_covers_what_packings_and_runs_do(campaign, between, own, m
     rng, covered, differences = np.random.default_rng(7), [], []
     x, packing = np.log(campaign.family_points().mu_s), campaign.packing(0.04)
     ends = np.exp(np.quantile(x, [0.1, 0.5, 0.9]))
-    for _ in range(40):
+    for _ in range(16):
         campaign._cache.clear()
         of_packing = {m: between * rng.normal(size=9)[packing] for m in synthetic.DENSITIES}
         values = {m: x + off + own * rng.normal(size=len(x)) for m, off in of_packing.items()}
