@@ -24,6 +24,14 @@ STATES = {"peak": "Peak", "critical": "Critical state", "probe": "Small strain",
 ORDER = ("probe", "transformation", "peak", "strength", "critical")
 #: Columns of the tables.
 NAMES = ("mean", "sd", "q05", "q95")
+#: What the quantities of the tables are, in a few words; the glossary has the formulas.
+IN_WORDS = {
+    "eta": "stress ratio η = q / p', the deviatoric over the mean effective stress",
+    "phi": "friction angle φ: the mobilised one, for zero cohesion",
+    "D_p": "dilatancy D_p: plastic increase of volume over plastic shear strain",
+    "e": "void ratio e: volume of voids over volume of grains",
+    "Z": "coordination number Z: contacts per grain",
+}
 
 DESIGN = (
     "These numbers hold for freely rotating spheres. Spheres are weaker than sand, because sand grains interlock: "
@@ -49,12 +57,16 @@ def first_screen(results: Results, frames: Frames, name: str) -> str:
                                  results.loading)  # fmt: skip
     meaning = MEANING.format(kind=input_words.kind(results),
                              interval=input_words.interval_words(results, frames["report_facts"].iloc[0]))  # fmt: skip
+    title = f"{results.loading.words.capitalize()}: campaign &quot;{marked(name)}&quot;"
     words = page.paragraphs([*conditions.tested(results, frames), *conditions.size_warning(frames)])
+    quote = frames["quote"]
+    symbols = "; ".join(text for symbol, text in IN_WORDS.items() if symbol in set(quote["quantity"]))
+    notes = [f"Symbols: {symbols} (@table:glossary@).", meaning, *standing_words(quote)]
+    notes += [*basis_words(results, frames), DESIGN]
     return (
-        f'<h1>Campaign {marked(name)}</h1><div class="tested"><div>{words}{page.paragraph(cite_words(), "cite")}</div>'
-        f"{drawn}</div><h2>Numbers to quote</h2>{quote_tables(frames['quote'], frames['ends'])}"
-        f"{page.paragraphs([meaning, *standing_words(frames['quote']), *basis_words(results, frames), DESIGN])}"
-        f"{page.cards(_size(results, frames))}"
+        f'<h1>{title}</h1><div class="tested"><div>{words}{page.paragraph(cite_words(), "cite")}</div>'
+        f"{drawn}</div><h2>Numbers to quote</h2>{quote_tables(quote, frames['ends'])}"
+        f"{page.paragraphs(notes)}{page.cards(_size(results, frames))}"
     )
 
 
@@ -101,10 +113,11 @@ def standing_words(quote: pd.DataFrame) -> list[str]:
     states = quote.drop_duplicates(["mu_iso", "state"])
     meaning = {
         NOT_REACHED: "The tests did not reach it, and its numbers are withheld.",
-        NOT_PROVEN: "The state was reached. The runs are too few or too small to show that the mean curves are steady, "
-        "so these numbers might change if the tests went on.",
+        NOT_PROVEN: "The runs show no reason against the state, but they are too few or too small to prove it: these "
+        "numbers might change if the tests went on.",
     }
-    words = []
+    words = ["A state is called proven if the mean curves show it: a peak within the strain of the test, and a "
+             "critical state in which stress and volume no longer change."]  # fmt: skip
     for state in ("peak", "critical"):
         for standing, consequence in meaning.items():
             named = states.loc[(states["state"] == state) & (states["standing"] == standing), "density"]
