@@ -1,5 +1,5 @@
-"""results.h5: the reader, the builder, the peaks that are pooled over the points, the standing of states, the models of
-all runs of a density (`models`) and the numbers to quote (`quote`).
+"""results.h5: the reader, what it reads (`tables_of_file`) and returns (`values`), and the builder; pooled peaks, the
+standing of states, the models of all runs of a density (`models`) and the numbers to quote (`quote`).
 
 Rule: the reader stands on h5py, pandas, `pdem.weighted`, `pdem.pdf` and the points' value only, and imports the rest
 when it is asked for; `models` and `quote` stand on `inputs` and `surrogates`, the builder on `runs`, `points` and

@@ -28,8 +28,9 @@ from ..quantities import DRAINED, QUANTITIES, Loading
 from ..runs.archive import NAME, Archive
 from .collect import Collected, FamilyDensity, ResponsesError, collect
 from .ends import write_ends
-from .reader import FORMAT, FORMAT_VERSION, JUDGED_STATES, VERSION_OF_INPUTS, VERSION_OF_PAIRS
+from .reader import JUDGED_STATES
 from .standing import DensityCurve, curves_standing
+from .tables_of_file import FORMAT, FORMAT_VERSION, VERSION_OF_INPUTS, VERSION_OF_PAIRS
 
 SQUEEZE = {"compression": "gzip", "shuffle": True, "fletcher32": True}
 #: Packages whose versions results.h5 states.

@@ -13,125 +13,38 @@ Everything is in SI units; names and displayed units are in analysis/quantities.
 
 from __future__ import annotations
 
-import json
 import numbers
 import warnings
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import h5py
 import numpy as np
 import pandas as pd
 
-from ..errors_and_files import GrainScatterError, one_line, open_hdf5
-from ..inputs.variables import NEEDED
+from ..errors_and_files import one_line, open_hdf5
 from ..pdem import weighted
 from ..pdem.pdf import PDF
 from ..points.representative_points import RepresentativePoints
-from ..quantities import CONSOLIDATED, DIRECTIONS, DRAINED, PATHS, QUANTITIES, STAGE_STATES, Loading, Quantity
+from ..quantities import CONSOLIDATED, DRAINED, QUANTITIES, STAGE_STATES, Loading
 from .densities import density_names
 from .derived import DerivedQuantities
 from .ends import EndsOfTests
 from .standing import PROVEN, Standing, curves_standing
+from .tables_of_file import plain_attributes, points_of_table, read_fields
+from .values import NotReachedError, PeakEstimate, Response, ResultsError, Runs
 
-FORMAT, FORMAT_VERSION = "campaign-results", 6
-#: A file has the earliest version that suffices, so that earlier readers can read it: drained compression with mu_s and
-#: G_p as the random variables, or with any variables.
-VERSION_OF_PAIRS, VERSION_OF_INPUTS = 4, 5
-#: Versions that can be read.  In version 3 all points have the first packing of the campaign, and the others are
-#: replicates at some points, from which the offset of the first one was estimated and subtracted.
-READABLE = (3, VERSION_OF_PAIRS, VERSION_OF_INPUTS, FORMAT_VERSION)
+__all__ = ["JUDGED_STATES", "PROVEN_STATE", "STATES", "UNDRAINED_STATES", "NotReachedError", "PeakEstimate", "Response",
+           "Results", "ResultsError", "Runs", "read_results"]  # fmt: skip
+
 STATES = ("initial", "transformation", "peak", "strength", "critical", "probe")
 UNDRAINED_STATES = ("transformation", "strength")
 #: States that a test may not reach.
 JUDGED_STATES = ("peak", "critical")
 PROVEN_STATE = Standing(PROVEN, "")
-#: Columns of the table of runs whose name in the file means another quantity in a product: there `drift_eta` is the
-#: slope over the last 10 % of strain, here the fitted relative change over the critical part.
-RENAMED_RUN_COLUMNS = {f"drift_{symbol}": f"critical_drift_{symbol}" for symbol in ("eta", "e", "p")}
-
-
-#: Columns without which a table of the file is of no use.
-POINT_COLUMNS = ("probability", "id")
-RUN_COLUMNS = ("run_id", "stage", "family", "mu_iso", "point", "packing", "status", "reason")
-
-
-class ResultsError(GrainScatterError):
-    """A results file that cannot be used, or a name that is not in it; one line names it and the reason."""
-
-
-class NotReachedError(ResultsError):
-    """Values of a state that the tests did not reach; the line gives the reason and how to see them all the same."""
-
-
-class Runs(NamedTuple):
-    """What n single runs gave: values (..., n), the packing (n,) of each, and the place (n,) of its point."""
-
-    values: np.ndarray
-    packing: np.ndarray
-    place: np.ndarray
-
-
-@dataclass(frozen=True)
-class PeakEstimate:
-    """Peaks that were pooled over the points: `bias` (Q,) that was subtracted from the stress ratio, NaN where a point
-    has no run, and whether the peak is `interior` (Q,), not at the first or last strain where a peak may lie.
-    """
-
-    bias: np.ndarray
-    interior: np.ndarray
-
-
-@dataclass(frozen=True)
-class Response:
-    """One response at one density: values (T, Q) over the strains (T,) and the points, and its PDF along strain.
-
-    `probability` (Q,) of the points, of sum 1.  `extended` (T, Q) marks values that continue a run which stopped early
-    in the steady state.  `packing` (Q,) is the random seed of each point's packing.  `pdf` holds the PDF on its grid
-    (pdf.p, pdf.x) and what widens it.  `mean` and `std` (T,) are sums over the points, never integrals of the PDF.
-    """
-
-    quantity: Quantity
-    strain: np.ndarray
-    values: np.ndarray
-    probability: np.ndarray
-    extended: np.ndarray
-    packing: np.ndarray
-    pdf: PDF
-    loading: Loading = DRAINED
-
-    @property
-    def going(self) -> np.ndarray:
-        """Whether any test goes on at a strain, (T,): mean and PDF are those of these tests."""
-        return np.isfinite(self.values).any(axis=1)
-
-    @property
-    def mean(self) -> np.ndarray:
-        """Mean of the points at every strain, (T,), in SI units."""
-        return weighted.mean(self.values, self.probability)
-
-    @property
-    def std(self) -> np.ndarray:
-        """Standard deviation of the points at every strain, (T,), in SI units."""
-        return weighted.std(self.values, self.probability)
-
-    @property
-    def strain_pct(self) -> np.ndarray:
-        """Axial strains (T,) in %, the unit of the axis label `loading.strain_label`; positive in extension, too."""
-        return self.strain * QUANTITIES["eps_a"].shown_factor
-
-    def quantile(self, q: float) -> np.ndarray:
-        """Quantile q of the points at every strain, (T,), in SI units."""
-        return np.array([weighted.quantile(row, self.probability, q) for row in self.values])
-
-    @property
-    def density(self) -> PDF:
-        """Former name of `pdf`; will be removed in the next version."""
-        warnings.warn("Response.density is now Response.pdf", DeprecationWarning, stacklevel=2)
-        return self.pdf
 
 
 @dataclass(frozen=True)
@@ -185,7 +98,7 @@ class Results(DerivedQuantities, EndsOfTests):
         """The points of a family, with the properties that its runs have."""
         with self._open() as file:
             self._densities(file, family)
-            return _points(file[f"families/{family}/points"], self.points.names, self.points.constants)
+            return points_of_table(file[f"families/{family}/points"], self.points.names, self.points.constants)
 
     def probability(self, mu_iso: float | str, family: str = "coupled") -> np.ndarray:
         """Probabilities (Q,) of the points at a density, of sum 1; zero where a point has no run."""
@@ -253,7 +166,7 @@ class Results(DerivedQuantities, EndsOfTests):
     def counts(self, mu_iso: float | str, family: str = "coupled") -> dict[str, Any]:
         """Numbers of shear runs planned, done, failed, spared and extended at a density, and the lost probability."""
         with self._open() as file:
-            return _plain(self._group(file, mu_iso, family).attrs)
+            return plain_attributes(self._group(file, mu_iso, family).attrs)
 
     def response(self, symbol: str, mu_iso: float | str, family: str = "coupled") -> Response:
         """One response along strain at one density.  Raises ResultsError if the file has none of that name."""
@@ -319,7 +232,7 @@ class Results(DerivedQuantities, EndsOfTests):
 
     def _standing(self, state: str, mu_iso: float, family: str) -> Standing:
         with self._open() as file:
-            attrs = _plain(self._group(file, mu_iso, family, "states", state).attrs)
+            attrs = plain_attributes(self._group(file, mu_iso, family, "states", state).attrs)
         if "standing" in attrs:
             return Standing(str(attrs["standing"]), str(attrs["standing_reason"]))
         curves = {symbol: self.response(symbol, mu_iso, family) for symbol in self.loading.steady}
@@ -407,6 +320,11 @@ class Results(DerivedQuantities, EndsOfTests):
         return np.full(len(group["weight"]), int(self.runs["packing"].iloc[0]) if "packing" in self.runs else 1)
 
 
+def _density(density: object) -> str:
+    """How a message names a density: mu_iso = 0.04, or the text that was given."""
+    return f"mu_iso = {density:g}" if isinstance(density, numbers.Real) else one_line(repr(density))
+
+
 def read_results(path: str | Path | Results) -> Results:
     """Open results.h5.
 
@@ -440,81 +358,4 @@ def read_results(path: str | Path | Results) -> Results:
         return path
     path = Path(path)
     with open_hdf5(path, ResultsError, "results file") as file:
-        return _read(path, file)
-
-
-def _read(path: Path, file: h5py.File) -> Results:
-    attrs = _plain(file.attrs)
-    name, version = (one_line(repr(attrs.get(key))) for key in ("format", "format_version"))
-    if name != repr(FORMAT) or version not in map(repr, READABLE):
-        raise ResultsError(f"{path}: format {name} version {version}, want {FORMAT!r} version {FORMAT_VERSION}")
-    path_of_test, direction = (attrs.get(name, usual) for name, usual in DRAINED._asdict().items())
-    if path_of_test not in PATHS or direction not in DIRECTIONS:
-        test = f"{one_line(repr(path_of_test))}, {one_line(repr(direction))}"
-        raise ResultsError(f"{path}: the test ({test}) is none that is known: {', '.join((*PATHS, *DIRECTIONS))}")
-    for name in ("versions", "settings"):
-        attrs[name] = _json(path, name, attrs.get(name, "{}"), dict)
-    kinds = {"marginals": dict, "copulas": list, "joint": dict, "warnings": list, "specified": dict, "names": list,
-             "constants": dict, "pairs_behind": int}  # fmt: skip
-    inputs = _plain(file["inputs"].attrs)
-    inputs |= {name: _json(path, name, text, kinds.get(name)) for name, text in inputs.items() if name != "source"}
-    return Results(
-        path=path,
-        attrs=attrs,
-        strain=file["strain"][()],
-        densities=tuple(file["densities"][()].tolist()),
-        families=tuple(file["families"]),
-        points=_points(file["points"], inputs.get("names", NEEDED), inputs.get("constants", {})),
-        runs=_frame(file["runs"], RUN_COLUMNS).rename(columns=RENAMED_RUN_COLUMNS),
-        pairs=file["inputs/pairs"][()],
-        inputs=inputs | {"points": _plain(file["points"].attrs)},
-        diameters=file["grading/diameter"][()],
-        grading=_plain(file["grading"].attrs),
-    )
-
-
-def _density(density: object) -> str:
-    """How a message names a density: mu_iso = 0.04, or the text that was given."""
-    return f"mu_iso = {density:g}" if isinstance(density, numbers.Real) else one_line(repr(density))
-
-
-def _points(group: h5py.Group, names: Sequence[str], constants: Mapping[str, float]) -> RepresentativePoints:
-    """The points of a table whose random variables are `names`; the other variables are `constants`."""
-    columns = _frame(group, (*names, *POINT_COLUMNS))
-    x, number = columns[list(names)].to_numpy(float), columns["id"].to_numpy()
-    return RepresentativePoints(
-        x, columns["probability"].to_numpy(), id=number, names=tuple(names), constants=constants
-    )
-
-
-def _frame(group: h5py.Group, needed: tuple[str, ...]) -> pd.DataFrame:
-    """The datasets (n,) of a group as columns.  Raises ResultsError if one is missing or of another length."""
-    columns = {name: dataset[()] for name, dataset in group.items()}
-    order = group.attrs.get("columns")
-    names = list(columns) if order is None else [str(name) for name in order]
-    if missing := [name for name in (*needed, *names) if name not in columns]:
-        raise ResultsError(f"{group.file.filename}: the table {group.name} has no column {missing[0]!r}")
-    shapes = {name: np.shape(columns[name]) for name in names}
-    for name, shape in shapes.items():
-        if len(shape) != 1 or shape != shapes[names[0]]:
-            raise ResultsError(
-                f"{group.file.filename}: the table {group.name} is ragged: {name} has shape {shape}, "
-                f"{names[0]} {shapes[names[0]]}"
-            )
-    text = {n: [v.decode() for v in columns[n]] if columns[n].dtype.kind in "OS" else columns[n] for n in names}
-    return pd.DataFrame(text)
-
-
-def _json(path: Path, name: str, text: Any, kind: type | None) -> Any:
-    """What a JSON text says.  Raises ResultsError if it is none, or not of the kind that it should be."""
-    try:
-        value = json.loads(text)
-    except (ValueError, TypeError, RecursionError) as failure:
-        raise ResultsError(f"{path}: {name} is not JSON ({one_line(failure)})") from failure
-    if kind is not None and not isinstance(value, kind):
-        raise ResultsError(f"{path}: {name} is a JSON {type(value).__name__}, want {kind.__name__}")
-    return value
-
-
-def _plain(attrs: Mapping[str, Any]) -> dict[str, Any]:
-    return {k: v.item() if isinstance(v, np.generic) else v for k, v in attrs.items()}
+        return Results(**read_fields(path, file))
