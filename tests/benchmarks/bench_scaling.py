@@ -34,14 +34,14 @@ name = "scaling"
 n = 8
 
 [assembly]
-N = 200
-packings = 2
+N = 400
+packings = 4
 
 [consolidation]
 mu_iso = [0.04]
 
 [shear]
-strain_end = 0.2
+strain_end = 0.4
 inertial_number = 2.4e-3
 """
 
