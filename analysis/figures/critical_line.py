@@ -46,7 +46,8 @@ def critical_line(points: pd.DataFrame, lines: pd.DataFrame, predicted: Mapping[
         share = of["probability"] / of["probability"].sum()
         right.axhline(float(of["eta"] @ share), color="k", lw=1.0)
         right.annotate(f"{direction}: {float(of['eta'] @ share):.3f}", (0.99, float(of["eta"] @ share)), fontsize=7,
-                       xycoords=("axes fraction", "data"), ha="right", va="bottom")  # fmt: skip
+                       xycoords=("axes fraction", "data"), ha="right", va="bottom",
+                       bbox={"fc": "white", "ec": "none", "alpha": 0.8, "pad": 0.6})  # fmt: skip
     for (name, value), look in zip((predicted or {}).items(), ("--", ":", "-."), strict=False):
         right.axhline(value, color="#b00040", lw=1.0, ls=look, label=f"{name} from compression: {value:.3f}")
     handles = {

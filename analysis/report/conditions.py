@@ -35,17 +35,17 @@ def tested(results: Results, frames: Frames) -> list[str]:
     test = (
         f"Each specimen has {size}, all with the same {same}. It is simulated by the discrete element method (DEM): "
         f"isotropic consolidation, then {loading_words.made(loading, stress)} to "
-        f"{100 * strain:.3g} % logarithmic axial strain (the height changes by "
-        f"{loading.sign * -100 * math.expm1(-loading.sign * strain):.2g} %)."
+        f"{100 * strain:.3g} % logarithmic axial strain (the height {'decreases' if loading.sign > 0 else 'increases'} "
+        f"by {loading.sign * -100 * math.expm1(-loading.sign * strain):.2g} %). The cell is periodic: it has no walls."
     )
-    frictions = page.listed([f"{mu_iso:g}" for mu_iso in names])
     if len(names) == 1:
-        densities = f"There is one density, made with the interparticle friction mu_iso = {frictions} in consolidation."
+        densities = f"There is one density, set by the friction during consolidation: mu_iso = {next(iter(names)):g}."
     else:
         densities = (
-            f"There are {len(names)} densities, {page.listed(list(names.values()))}, made with the interparticle "
-            f"friction mu_iso = {frictions} in consolidation. In shear the friction is mu_s."
+            f"There are {len(names)} densities, set by the friction during consolidation: mu_iso = "
+            f"{page.listed([f'{mu_iso:g} ({name})' for mu_iso, name in names.items()])}."
         )
+    densities += " During shear the friction is mu_s."
     return [inputs, f"{test} {densities}", *loading_words.further(results), *_filled(results, int(facts["filled"]))]
 
 
@@ -152,6 +152,6 @@ def size_warning(frames: Frames) -> list[str]:
     if not facts["rough"] or not facts["spheres_least"]:
         return []
     return [
-        f"These numbers are rough: the stress ratio of one run of {facts['spheres_least']:,} spheres changes by about "
-        f"{facts['scatter_pct']:.0f} % (standard deviation) with another packing."
+        f"A single run is rough: with another packing of {facts['spheres_least']:,} spheres its stress ratio changes "
+        f"by about {facts['scatter_pct']:.0f} % (standard deviation)."
     ]

@@ -10,8 +10,8 @@ from .. import __version__
 from ..quantities import rounded
 from ..results.models import runs_with_moments
 from ..results.quote import OF_POINTS, WITHHELD
-from ..results.reader import UNDRAINED_STATES, Results
-from ..results.standing import NOT_PROVEN, NOT_REACHED
+from ..results.reader import JUDGED_STATES, Results
+from ..results.standing import NOT_PROVEN, NOT_REACHED, PROVEN
 from ..tables import published
 from . import conditions, input_words, loading_words, page, picture
 from .headings import HEADINGS, quantity_words
@@ -26,9 +26,11 @@ ORDER = ("probe", "transformation", "peak", "strength", "critical")
 NAMES = ("mean", "sd", "q05", "q95")
 #: What the quantities of the tables are, in a few words; the glossary has the formulas.
 IN_WORDS = {
-    "eta": "stress ratio η = q / p', the deviatoric over the mean effective stress",
-    "phi": "friction angle φ: the mobilised one, for zero cohesion",
-    "D_p": "dilatancy D_p: plastic increase of volume over plastic shear strain",
+    "G_0": "small-strain stiffness G_0: the shear modulus",
+    "eta": "stress ratio η = q / p', deviatoric stress divided by mean effective stress",
+    "phi": "friction angle φ: mobilised, with zero cohesion",
+    "D_p": "dilatancy D_p: plastic volumetric strain increment divided by plastic shear strain increment, positive "
+    "where the soil dilates",
     "e": "void ratio e: volume of voids over volume of grains",
     "Z": "coordination number Z: contacts per grain",
 }
@@ -36,15 +38,18 @@ IN_WORDS = {
 DESIGN = (
     "These numbers hold for freely rotating spheres. Spheres are weaker than sand, because sand grains interlock: "
     "quartz sand has a critical friction angle of about 33° (Bolton 1986). Use the numbers only to compare how "
-    "strongly the scatter of grain properties changes the soil. Do not use them as design values. The 5 % quantile "
-    "describes the differences between soils, each of which has one set of grain properties throughout; the "
-    "variation inside one deposit is not in it."
+    "strongly the scatter of grain properties changes the soil. Do not use them as design values. The quantiles "
+    "compare different soils: in each soil all grains have the same properties. They are no characteristic values of "
+    "one deposit, since the variation inside a deposit is not included."
 )
 MEANING = (
     "The tables show the effect of the {kind} alone: the noise of packings and of single runs is removed from mean, "
-    "standard deviation and quantiles. ± is the remaining uncertainty, half the width of the 95 % interval, "
-    "{interval}. Each number is rounded to the precision of its uncertainty. tables/quote.csv has the same numbers, "
-    "and the uncertainties of the quantiles."
+    "standard deviation and quantiles. The uncertainty that remains (±) is {interval}. Each number is rounded to the "
+    "precision of its uncertainty. tables/quote.csv has the same numbers, and the uncertainties of the quantiles."
+)
+ABOVE = (
+    "Mean ± a: the true mean lies within ± a of the stated one with 95 % confidence. Standard deviation and quantiles "
+    "describe the scatter between soils with different {kind}."
 )
 
 
@@ -57,15 +62,16 @@ def first_screen(results: Results, frames: Frames, name: str) -> str:
                                  results.loading)  # fmt: skip
     meaning = MEANING.format(kind=input_words.kind(results),
                              interval=input_words.interval_words(results, frames["report_facts"].iloc[0]))  # fmt: skip
-    title = f"{results.loading.words.capitalize()}: campaign &quot;{marked(name)}&quot;"
+    title = f"{results.loading.words.capitalize()}, simulated: campaign &quot;{marked(name)}&quot;"
     words = page.paragraphs([*conditions.tested(results, frames), *conditions.size_warning(frames)])
     quote = frames["quote"]
     symbols = "; ".join(text for symbol, text in IN_WORDS.items() if symbol in set(quote["quantity"]))
+    above = ABOVE.format(kind=input_words.kind(results))
     notes = [f"Symbols: {symbols} (@table:glossary@).", meaning, *standing_words(quote)]
     notes += [*basis_words(results, frames), DESIGN]
     return (
         f'<h1>{title}</h1><div class="tested"><div>{words}{page.paragraph(cite_words(), "cite")}</div>'
-        f"{drawn}</div><h2>Numbers to quote</h2>{quote_tables(quote, frames['ends'])}"
+        f"{drawn}</div><h2>Numbers to quote</h2>{page.paragraph(above)}{quote_tables(quote, frames['ends'])}"
         f"{page.paragraphs(notes)}{page.cards(_size(results, frames))}"
     )
 
@@ -88,9 +94,11 @@ def _density(rows: pd.DataFrame, key: str, ends: pd.DataFrame) -> str:
     body = []
     for state in (state for state in ORDER if (rows["state"] == state).any()):
         part = rows[rows["state"] == state]
-        judged = part.iloc[0]["standing"] if state not in UNDRAINED_STATES else ""
+        judged = part.iloc[0]["standing"] if state in JUDGED_STATES else ""
         standing = marked("; ".join(filter(None, [judged, loading_words.holds_for(part, ends)])))
-        body.append(f'<tr class="state"><th colspan="5">{STATES[state]}<span>: {standing}</span></th></tr>')
+        limited = "" if standing == PROVEN else ' class="limited"'
+        shown = f"<span{limited}>: {standing}</span>" if standing else ""
+        body.append(f'<tr class="state"><th colspan="5">{STATES[state]}{shown}</th></tr>')
         for row in part.to_dict("records"):
             where = f"{row['mu_iso']:g}/{row['state']}/{row['quantity']}"
             cells = "".join(f'<td data-quote="{where}/{name}">{quoted(row, name)}</td>' for name in NAMES)
@@ -113,17 +121,17 @@ def standing_words(quote: pd.DataFrame) -> list[str]:
     states = quote.drop_duplicates(["mu_iso", "state"])
     meaning = {
         NOT_REACHED: "The tests did not reach it, and its numbers are withheld.",
-        NOT_PROVEN: "The runs show no reason against the state, but they are too few or too small to prove it: these "
-        "numbers might change if the tests went on.",
+        NOT_PROVEN: "Nothing in the runs contradicts this state, but there are too few runs, or too few spheres, to "
+        "prove it. If the tests went on, these numbers could change.",
     }
-    words = ["A state is called proven if the mean curves show it: a peak within the strain of the test, and a "
-             "critical state in which stress and volume no longer change."]  # fmt: skip
+    words = ["A state is called proven if the mean curves show it within their uncertainty: a peak before the end of "
+             "the test, or a critical state in which stress and volume no longer change."]  # fmt: skip
     for state in ("peak", "critical"):
         for standing, consequence in meaning.items():
             named = states.loc[(states["state"] == state) & (states["standing"] == standing), "density"]
             if len(named):
                 of = "" if named.iloc[0] == "one density" else f" ({page.listed(list(named))})"
-                words.append(f"{STATES[state]}{of}: {standing}. {consequence} @table:standings@ has the reasons.")
+                words.append(f"{STATES[state]}{of}: {standing}. {consequence} @table:standings@ gives the reasons.")
     return words
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pandas as pd
 
 from ..quantities import QUANTITIES
@@ -64,8 +66,8 @@ def question(results: Results) -> str:
         return (
             "How does the scatter of grain properties affect the behaviour of the soil? "
             f"A joint distribution was fitted to {len(results.pairs)} pairs of interparticle friction mu_s and "
-            f"particle shear modulus G_p ({source}). {plural(count, 'pair', 'pairs')}, each with a probability, "
-            "represent it."
+            f"particle shear modulus G_p ({source}).{_reconstructed(source)} The distribution is represented by "
+            f"{plural(count, 'chosen pair', 'chosen pairs')}, each with its probability."
         )
     joint = "distribution" if len(names) == 1 else "joint distribution"
     given = f"of {len(results.pairs)} rows of measurements ({source})" if are_measured(results) else "that was given"
@@ -75,11 +77,18 @@ def question(results: Results) -> str:
     )
 
 
+def _reconstructed(source: str) -> str:
+    """A sentence where the pairs are the ones that come with this tool."""
+    if Path(source).name != "pairs_reconstructed.csv":
+        return ""
+    return " These pairs are reconstructed: they reproduce published statistics and are not the original measurements."
+
+
 def interval_words(results: Results, facts: pd.Series) -> str:
     """What the intervals of the numbers to quote contain."""
     if not facts["measurements"]:
         return "caused by that noise; the uncertainty of the inputs is not in it"
-    return f"caused by that noise and by the limited number of {_measurements(results)}"
+    return f"caused by that noise and by the limited number of {_measurements(results)} ({facts['measurements']})"
 
 
 def accuracy_words(results: Results, facts: pd.Series) -> list[str]:

@@ -72,7 +72,7 @@ def picture(loading: Loading, stress: str, strain: str) -> tuple[str, str, str]:
     before = {"constant_p": "stress at the start", "undrained": "stress at the start"}
     words = f"{loading.words[0].upper()}{loading.words[1:]} of spheres: axial strain to {strain}, "
     if loading.path == "drained":
-        return "confining stress", "constant on all sides", f"{words}confining stress{stress} constant"
+        return "lateral stress", "constant", f"{words}lateral stress{stress} constant"
     held = {"constant_p": "mean effective stress constant", "undrained": "volume constant"}[loading.path]
     return before[loading.path], below[loading.path], f"{words}stress at the start{stress}, {held}"
 

@@ -34,7 +34,7 @@ def test_picture(diameters: np.ndarray, stress: str, strain: str, loading: Loadi
     what, held, description = loading_words.picture(loading, stress, strain)
     parts += [
         _text(middle, 12, f"axial {axial} {_low('ε', 'a')} = 0 … {strain_words}</tspan>"),
-        _text(middle, 26, "increases, slowly"),
+        _text(middle, 26, "(logarithmic), increased slowly"),
         _text(middle, HEIGHT - 12, f"{what} {_low('σ', '3')}{stress_words}</tspan>"),
         _text(middle, HEIGHT + 1, plain(held)),
     ]  # fmt: skip

@@ -99,7 +99,7 @@ def test_the_numbers_are_those_of_the_results(html_page, results):
     for symbol, fits in results.inputs["marginals"].items():
         for name in ("aic", "bic", "ks", "ad"):
             assert page.number(fits[0][name]) in text, (symbol, name)
-    for word in ("These numbers are rough", "27 spheres", "5 pairs", "Wasserstein", "inertial number",
+    for word in ("A single run is rough", "27 spheres", "5 chosen pairs", "Wasserstein", "inertial number",
                  "synthetic pairs", "interlock", f"Cite: grain-scatter {analysis.__version__}", "MIT"):  # fmt: skip
         assert word in text, word
 
@@ -151,8 +151,10 @@ def test_the_report_says_which_test_it_is_and_where_it_is_not_the_papers(results
     frames = synthetic.frames(0.02)
     usual = with_settings(results)
     text = " ".join(conditions.tested(usual, frames))
-    for words in ("5 pairs, each with a probability", "27 spheres (median diameter 0.248 mm)", "stress of 100 kPa",
-                  "logarithmic", "3 densities, dense, medium and loose", "0.001, 0.04 and 0.1"):  # fmt: skip
+    for words in (
+        "5 chosen pairs, each with its probability", "27 spheres (median diameter 0.248 mm)", "stress of 100 kPa",
+        "logarithmic", "mu_iso = 0.001 (dense), 0.04 (medium) and 0.1 (loose)",
+    ):  # fmt: skip
         assert words in text, words
     assert conditions.paper_differences(usual) == []
     other = with_settings(results, consolidation__sigma_3_kPa=500.0, dem__stiffness_scale=0.01)
