@@ -27,7 +27,7 @@ COLUMNS = ("scripts", "N", "packing", "damping", "strain", "failure", "phi_0", "
            "eta", "Z", "servo_mean_error", "energy_error", "steps", "cpu_seconds")  # fmt: skip
 MU, G_P = 0.001, 25.7e9
 #: Spheres, packing and damping.
-CASES = ((1000, 1, 0.0), (1000, 1, 0.2), (1000, 1, 0.5), (400, 1, 0.2), (400, 2, 0.2))
+CASES = ((1000, 1, 0.0), (1000, 1, 0.2), (1000, 1, 0.5), (400, 1, 0.2), (400, 2, 0.2), (1000, 2, 0.2))
 STRAIN = 0.1
 
 
