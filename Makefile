@@ -17,7 +17,7 @@ INSTALLED = /usr/bin/yade $(MODULES) /usr/lib/python3/dist-packages/pytest
 NO_APT = This system has no apt-get. Debian 12 or newer and Ubuntu have all packages, YADE included. With conda, pip or macOS, \
   \`pip install .\` gives plan, analyse, report, compare and export; runs are made on a cluster or in a container (Dockerfile).
 
-.PHONY: help setup campaign laptop laptop-data report test test-long test-newest test-browser docs style bench-dem stress slurm-test clean
+.PHONY: help setup lammps campaign laptop laptop-data report test test-long test-newest test-browser docs style bench-dem stress slurm-test clean
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -25,6 +25,9 @@ help: ## list the targets
 
 setup: ## install what is missing (Debian's yade and Python packages; root or sudo)
 	@ls -d $(INSTALLED) >/dev/null 2>&1 || $(call apt_install,$(DEBIAN))
+
+lammps: ## install LAMMPS, for campaigns with dem.code = "lammps" (Debian's lammps; root or sudo)
+	@command -v lmp >/dev/null || $(call apt_install,lammps)
 
 campaign: setup ## run the default campaign, from the measured pairs to the report (CAMPAIGN=FILE for another)
 	@$(PYTHON) -m campaign all $(CAMPAIGN)

@@ -8,7 +8,7 @@ A module imports only modules that stand above it in this list:
     config_checks               what several keys must satisfy together; warnings about settings
     config_variables, config    stated distributions in the campaign file; the whole file as one checked value
     folder                      locks, checksums and failure files of a folder
-    run_one                     supervises one run in YADE (`row`: its former name, for tasks that wait in SLURM)
+    run_one                     supervises one run of a DEM code (`row`: its former name, for tasks that wait in SLURM)
     plan, cell                  the table of runs and its cost; cells too thin
     choice, prepare             fitted or stated inputs and their points; the files that a campaign starts from
     products, estimate          the status of every run; the work and the time to go
@@ -22,10 +22,12 @@ A module imports only modules that stand above it in this list:
     pythons                     which Python has the packages that are needed
     __main__                    the command line
 
-`yade_scripts` is started, never imported. From `analysis` the modules `errors_and_files` and `quantities`, which need
-the standard library only, are imported at the top of a module. Everything else of `analysis`, and numpy, h5py and
-pandas, is imported inside the function that needs it: these packages take up to a second to load, which is longer than
-most commands take, and the supervisor of a run (`run_one`) needs none of them.
+`yade_scripts` is started, never imported. So is the package `campaign.lammps`, which runs a row in LAMMPS: of these
+modules it imports `config`, `files`, `folder` and `run_one` only, and no module imports it. From `analysis` the modules
+`errors_and_files` and `quantities`, which need the standard library only, are imported at the top of a module.
+Everything else of `analysis`, and numpy, h5py and pandas, is imported inside the function that needs it: these packages
+take up to a second to load, which is longer than most commands take, and the supervisor of a run (`run_one`) needs none
+of them.
 """
 
 import os

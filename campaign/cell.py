@@ -77,9 +77,10 @@ def check_cell(config: Config, points: RepresentativePoints | None = None) -> No
     if (strain := math.floor(reach.safe * 100.0) / 100.0) > 0.0:
         advice.append(f"shear.strain_end <= {strain:g}")
     where = f"at a strain of about {reach.stops:.3g}" if reach.stops > 0.0 else "before shear begins"
+    stops = "YADE stops it" if config.dem.code == "yade" else "the limit of YADE, which this tool keeps, is"
     why = f" (less {reach.stops - reach.safe:.2g} for the scatter of cells)" if wanted < reach.stops else ""
     raise ConfigError(
-        f"{file}: assembly.N = {grains.N} ({grading}) gives too thin a cell: YADE stops it {where}{why}, "
+        f"{file}: assembly.N = {grains.N} ({grading}) gives too thin a cell: {stops} {where}{why}, "
         f"shear.strain_end = {wanted:g}; use {' or '.join(advice) or 'a narrower grading or larger grains'}"
     )
 
@@ -134,7 +135,7 @@ def predicted_hours(config: Config, N: int) -> float:
         chains += n if config.families.G_p_points < 0 else min(n, config.families.G_p_points)
     values = _values(config)
     seconds = sum(
-        runs * predicted_seconds(stage, N * predicted_steps(stage, values | softer))
+        runs * predicted_seconds(stage, N * predicted_steps(stage, values | softer), config.dem.code)
         for stage, runs, softer in zip(
             STAGES, (packings, chains, chains), ({"stiffness_scale": 1.0}, {"stiffness_scale": 1.0}, {}), strict=True
         )
@@ -147,7 +148,8 @@ def _values(config: Config) -> dict[str, float]:
     return {"G_p": config.consolidation.G_ref_GPa * 1e9, "stiffness_scale": config.dem.stiffness_scale,
             "sigma_3": config.consolidation.sigma_3_kPa * 1e3, "timestep_factor": config.dem.timestep_factor,
             "density_scaling": int(config.dem.density_scaling), "strain_end": config.shear.strain_end,
-            "inertial_number": config.shear.inertial_number, "mu_s": 0.0, **path_parameters(config)}  # fmt: skip
+            "inertial_number": config.shear.inertial_number, "mu_s": 0.0, "code": config.dem.code,
+            **path_parameters(config)}  # fmt: skip
 
 
 def _looser(mu_iso: float) -> float:

@@ -36,6 +36,8 @@ INSTALL_YADE = (
     "on Debian and Ubuntu `apt-get install yade` (or `make setup`) installs YADE; other systems have plan, analyse and "
     "report, and make their runs on a cluster or in a container (Dockerfile)"
 )
+#: How to install LAMMPS, in one sentence.
+INSTALL_LAMMPS = "on Debian and Ubuntu `apt-get install lammps` (or `make lammps`) installs LAMMPS"
 #: Keys of earlier versions, with what replaces them.
 FORMER = {
     "assembly.replicate_points": "assembly.packings are dealt to the points in rotation, and no point has replicates"
@@ -271,6 +273,11 @@ def _shown(value: Any) -> str:
 def jobs(config: Config) -> int:
     """Return the number of runs at once: `run.jobs`, or one per core that this process may use."""
     return config.run.jobs or len(os.sched_getaffinity(0))
+
+
+def places(config: Config) -> int:
+    """Return the number of places for runs at once: each run takes as many cores as it has ranks."""
+    return max(1, jobs(config) // config.run.ranks)
 
 
 def inputs_settings(config: Config) -> dict[str, Any]:

@@ -47,6 +47,7 @@ def check_together(config: Settings, file: str) -> None:
             f"{file}: dem.stiffness_scale = {scale:g} with shear.path = {shear.path!r}: only 1 is possible, because "
             "softer grains change the void ratio that belongs to a mean stress"
         )
+    _check_code(config, file)
     if shear.stiff_cap_MPa * 1e3 <= config.consolidation.sigma_3_kPa:
         raise ConfigError(
             f"{file}: shear.stiff_cap_MPa = {shear.stiff_cap_MPa:g} must exceed consolidation.sigma_3_kPa = "
@@ -69,6 +70,34 @@ def check_together(config: Settings, file: str) -> None:
         raise ConfigError(f"{file}: run.slurm.time = {config.run.slurm.time!r} is no SLURM time such as '24:00:00'")
     if not re.fullmatch(r"[0-9]+[KMGT]?", config.run.slurm.memory):
         raise ConfigError(f"{file}: run.slurm.memory = {config.run.slurm.memory!r} is no SLURM size such as '2G'")
+
+
+def _check_code(config: Settings, file: str) -> None:
+    """Refuse what the DEM code cannot do; raises ConfigError."""
+    if config.dem.code == "yade":
+        if config.run.ranks > 1:
+            raise ConfigError(
+                f'{file}: run.ranks = {config.run.ranks} needs dem.code = "lammps": YADE runs on one thread'
+            )
+        return
+    shear = config.shear
+    for full, value, only in (
+        ("shear.path", shear.path, "drained"),
+        ("shear.direction", shear.direction, "compression"),
+        ("shear.stop_when_steady", shear.stop_when_steady, False),
+        ("dem.damping", config.dem.damping, 0.0),
+        ("material.heterogeneity", config.material.heterogeneity, "specimen"),
+    ):
+        if value != only:
+            raise ConfigError(
+                f'{file}: {full} = {_toml(value)} with dem.code = "lammps": only {_toml(only)} is possible; '
+                'use dem.code = "yade"'
+            )
+
+
+def _toml(value: object) -> str:
+    """A value as a campaign file has it."""
+    return str(value).lower() if isinstance(value, bool) else f'"{value}"' if isinstance(value, str) else f"{value:g}"
 
 
 def parse_share(text: str) -> float:

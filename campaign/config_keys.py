@@ -145,6 +145,7 @@ class Probe:
 
 @dataclass(frozen=True)
 class Dem:
+    code: str = key("yade", str, choices=("yade", "lammps"), doc="the DEM code; lammps: drained compression only")
     accuracy: str = key("", str, choices=("", "5%", "3%", "2%"), doc="preset of accuracy.toml; empty: none")
     timestep_factor: float = key(1.0, float, 0.01, 3.0, doc="time step over the contact-stiffness time step")
     damping: float = key(0.0, float, 0.0, 0.9, doc="local damping coefficient during shear")
@@ -190,6 +191,7 @@ class Slurm:
 class Run:
     engine: str = key("local", str, choices=("local", "slurm"), doc="local: this machine; slurm: a cluster's queue")
     jobs: int = key(0, int, 0, MOST_JOBS, doc="number of runs at once (local engine); 0: one per core")
+    ranks: int = key(1, int, 1, 1024, doc='MPI ranks of one run; more than 1 needs dem.code = "lammps"')
     cpu_limit: float = key(20.0, float, 1.0, 1e6, doc="a run is stopped after this many times its predicted CPU time")
     hang_minutes: float = key(10.0, float, 0.01, 1e5, doc="a run is stopped after this time without CPU use, minutes")
     slurm: Slurm = key(Slurm(), Slurm, doc="the section [run.slurm]")

@@ -17,7 +17,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from campaign.config import INSTALL_YADE, ROOT, Config, jobs
+from campaign.config import INSTALL_LAMMPS, INSTALL_YADE, ROOT, Config, places
 from campaign.estimate import estimate
 from campaign.files import say_once, write_text
 from campaign.folder import OWNER, RunError, folder_lock, holder, is_locked, open_plain, write_failure
@@ -71,9 +71,16 @@ def fail_refused(folder: Path, statuses: dict[str, RunStatus], stage: str) -> No
 def _check_machine(folder: Path, missing: Sequence[PlannedRun], config: Config) -> None:
     """Raise RunError if YADE is missing, the disk is too full, or yade-batch cannot use the paths."""
     batch = os.environ.get("CAMPAIGN_YADE_BATCH", "yade-batch")
-    for program in (batch, os.environ.get("CAMPAIGN_YADE", "yade")):
+    programs = {batch: INSTALL_YADE}
+    if config.dem.code == "lammps":
+        programs[os.environ.get("CAMPAIGN_LMP", "lmp")] = INSTALL_LAMMPS
+        if config.run.ranks > 1:
+            programs[os.environ.get("CAMPAIGN_MPIRUN", "mpirun")] = INSTALL_LAMMPS
+    else:
+        programs[os.environ.get("CAMPAIGN_YADE", "yade")] = INSTALL_YADE
+    for program, advice in programs.items():
         if shutil.which(program) is None:
-            raise RunError(f"{program}: no such program; {INSTALL_YADE}")
+            raise RunError(f"{program}: no such program; {advice}")
     need = len(missing) * config.assembly.N * BYTES_PER_GRAIN + FREE_BYTES
     free = shutil.disk_usage(folder).free
     if free < need:
@@ -145,7 +152,7 @@ def _ended(folder: Path, stage: str) -> Path:
 
 def _start_batch(config: Config, folder: Path, stage: str, rows: Sequence[PlannedRun], pipe: int) -> subprocess.Popen:
     """Write these rows of a stage into a table of this `run` and start yade-batch over it."""
-    limits, places = config.run, jobs(config)
+    limits, at_once = config.run, places(config)
     table = f"batch/run_{stage}.table"
     write_text(folder / table, yade_table(rows, f"yade-batch {table} {script(folder, stage)}"))
     for name in (f"batch_{stage}", *(row.run_id for row in rows)):
@@ -153,12 +160,13 @@ def _start_batch(config: Config, folder: Path, stage: str, rows: Sequence[Planne
             path.unlink()  # the output would go where it leads
     env = run_environment() | {
         "CAMPAIGN_CPU_LIMIT": repr(limits.cpu_limit), "CAMPAIGN_HANG_MINUTES": repr(limits.hang_minutes),
-        "CAMPAIGN_RETRY": str(int(config.failures.retry)), "CAMPAIGN_JOBS": str(places), "CAMPAIGN_FRONT": str(pipe),
+        "CAMPAIGN_RETRY": str(int(config.failures.retry)), "CAMPAIGN_JOBS": str(at_once), "CAMPAIGN_FRONT": str(pipe),
+        "CAMPAIGN_RANKS": str(limits.ranks),
     }  # fmt: skip
     env["PYTHONPATH"] = os.pathsep.join([env["PYTHONPATH"], os.path.relpath(ROOT, folder)])
     env.pop("OMP_NUM_THREADS")  # yade-batch takes it for the number of jobs
     command = [
-        os.environ.get("CAMPAIGN_YADE_BATCH", "yade-batch"), "--jobs", str(places + 1), "--job-threads", "1",
+        os.environ.get("CAMPAIGN_YADE_BATCH", "yade-batch"), "--jobs", str(at_once + 1), "--job-threads", "1",
         "--log", "logs/@.log", "--plot-update", "0", "--disable-pynotify",
         "--executable", f"{sys.executable} -m campaign.run_one", table, script(folder, stage),
     ]  # fmt: skip
@@ -179,7 +187,7 @@ class _Watch:
 
     def __init__(self, rows: Sequence[PlannedRun], statuses: dict[str, RunStatus], config: Config, quiet: bool):
         self.rows = [row for row in rows if statuses[row.run_id].status != "spared"]
-        self.places, self.progress = jobs(config), Progress(quiet)
+        self.places, self.progress = places(config), Progress(quiet)
         self.began, self.next_look = time.monotonic(), 0.0
 
     def show_progress(self, folder: Path) -> None:

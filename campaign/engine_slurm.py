@@ -237,14 +237,15 @@ def job_script(
     slurm = config.run.slurm
     throttle = f"%{slurm.throttle}" if slurm.throttle else ""
     head = [f"--job-name={name or f'{config.name}-{stage}'}",
-            f"--array=0-{tasks - 1}{throttle}", "--ntasks=1", "--cpus-per-task=1",
+            f"--array=0-{tasks - 1}{throttle}", f"--ntasks={config.run.ranks}", "--cpus-per-task=1",
             f"--time={slurm.time}", f"--mem={slurm.memory}", f"--output=logs/slurm_%A_%a_{stage}.log",
             *([f"--partition={slurm.partition}"] if slurm.partition else []),
             *([f"--dependency=afterany:{':'.join(after)}"] if after else []), *slurm.options]  # fmt: skip
     env = {
         "PYTHONPATH": str(ROOT), "CAMPAIGN_LOG": "1", "CAMPAIGN_CPU_LIMIT": repr(config.run.cpu_limit),
         "CAMPAIGN_HANG_MINUTES": repr(config.run.hang_minutes), "CAMPAIGN_RETRY": str(int(config.failures.retry)),
-        **{k: os.environ[k] for k in ("CAMPAIGN_YADE",) if k in os.environ},
+        **({"CAMPAIGN_RANKS": str(config.run.ranks)} if config.run.ranks > 1 else {}),
+        **{k: os.environ[k] for k in ("CAMPAIGN_YADE", "CAMPAIGN_LMP", "CAMPAIGN_MPIRUN") if k in os.environ},
     }  # fmt: skip
     return "\n".join([
         "#!/bin/sh", *(f"#SBATCH {line}" for line in head), f"cd {shlex.quote(str(folder.resolve()))} || exit 74",

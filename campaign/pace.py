@@ -1,7 +1,8 @@
 """The pace of this machine, from the campaigns that ran on it: with it `plan` states the cost for this machine.
 
 The constants of `campaign.plan` hold for the machine of the laptop campaign; other machines were up to three times as
-fast. `run` leaves the pace of its stages in the campaign's folder; `plan` takes the newest one in the folders beside.
+fast. `run` leaves the pace of its stages in the campaign's folder; `plan` takes the newest one of the same DEM code in
+the folders beside.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ import contextlib
 import math
 import os
 import platform
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,9 +36,9 @@ class Pace:
         return sum(row.cpu_seconds * self.by_stage[row.stage] for row in rows) / 3600.0
 
 
-def sentence(rows: Iterable[PlannedRun], folder: Path) -> str:
+def sentence(rows: Collection[PlannedRun], folder: Path) -> str:
     """Return what these runs cost on this machine, as a line for people; empty where the pace is not known."""
-    known = newest(folder)
+    known = newest(folder, _code(rows))
     if known is None:
         return ""
     hours = known.core_hours(rows)
@@ -53,21 +54,26 @@ def keep(folder: Path, rows: Sequence[PlannedRun], statuses: Mapping[str, RunSta
     if done:
         by_stage = paces(rows, statuses, "cpu_seconds")
         with contextlib.suppress(OSError):
-            write_json(folder / FILE, {"machine": machine(), "runs": done, "pace": by_stage})
+            write_json(folder / FILE, {"machine": machine(), "code": _code(rows), "runs": done, "pace": by_stage})
 
 
-def newest(folder: Path) -> Pace | None:
-    """Return the newest pace of this machine in a campaign's folder or in those beside it; None where there is none."""
+def newest(folder: Path, code: str = "yade") -> Pace | None:
+    """Return the newest pace of this machine and DEM code in a campaign's folder or in those beside it, or None."""
     found = []
     for path in {*folder.parent.glob(f"*/{FILE}"), folder / FILE}:
         with contextlib.suppress(OSError):  # the file of another campaign cannot be read: its pace is not known
             kept = read_json(path, {})
             by_stage = kept.get("pace")
-            if kept.get("machine") != machine() or not isinstance(by_stage, dict):
+            if (kept.get("machine"), kept.get("code")) != (machine(), code) or not isinstance(by_stage, dict):
                 continue
             if all(_positive(by_stage.get(stage)) for stage in STAGES):
                 found.append((path.stat().st_mtime, Pace(by_stage, int(kept.get("runs", 0)), path.parent)))
     return max(found, key=lambda one: one[0])[1] if found else None
+
+
+def _code(rows: Iterable[PlannedRun]) -> str:
+    """The DEM code of the runs of a campaign."""
+    return next((str(row.values.get("code", "yade")) for row in rows), "yade")
 
 
 def machine() -> str:

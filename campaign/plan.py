@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 
 #: Version of each stage. Raised whenever the script of a stage computes something else from the same parameters.
 PROTOCOL = {"consolidate": 4, "probe": 4, "shear": 5}
+#: The same of `campaign/lammps`.
+LAMMPS_PROTOCOL = {"consolidate": 1, "probe": 1, "shear": 1}
 STAGES = ("consolidate", "probe", "shear")
 
 #: Constants of the cost model, fitted to the sums over the laptop campaign's 855 runs (data/laptop/tables/runs.csv):
@@ -43,6 +45,10 @@ CONSOLIDATION_STEPS, PROBE_STEPS, SHEAR_STEPS = 1350.0, 150.0, 8.0
 STEP_FACTOR = 0.8
 #: How much larger the time step is with `dem.density_scaling` (shear runs at N = 1,000: 1.80 to 1.85).
 BALANCED_STEP = 1.85
+#: The same of LAMMPS, from chains of 400 spheres (data/benchmarks/engines.csv), one run at a time on a busy machine.
+#: Its moments of inertia cannot be balanced, and it takes smaller steps while contacts are damped.
+LAMMPS_RATE = {"consolidate": 4.4e6, "probe": 4.2e6, "shear": 4.0e6}
+LAMMPS_SECONDS_PER_START, LAMMPS_STEPS, LAMMPS_BALANCED_STEP = 0.8, (1275.0, 497.0, 8.2), 1.5
 #: Steps of a test that holds p', and of a drained extension, over those of drained compression (tests/benchmarks/
 #: bench_paths.py: 1.10 to 1.11, and 1.17 to 1.18).
 CONSTANT_P_STEPS, EXTENSION_STEPS = 1.1, 1.17
@@ -89,7 +95,7 @@ class PlannedRun:
     @property
     def cpu_seconds(self) -> float:
         """Predicted CPU time, s."""
-        return predicted_seconds(self.stage, self.particle_steps)
+        return predicted_seconds(self.stage, self.particle_steps, self.values.get("code", "yade"))
 
 
 def make_rows(config: Config, points: RepresentativePoints) -> list[PlannedRun]:
@@ -154,6 +160,8 @@ def _add_chain(
         "d50": given.get("d50", config.assembly.d50_mm * 1e-3), "seed": packing,
         "timestep_factor": dem.timestep_factor, "stiffness_scale": 1.0, "density_scaling": int(dem.density_scaling),
     }  # fmt: skip
+    if dem.code != "yade":  # runs in YADE keep the ids that they had before there was a choice
+        common["code"] = dem.code
     if config.curve:
         common["sieve"] = config.curve.name
     planned = partial(_planned_run, config, packing=packing, mu_iso=mu_iso, further=given)
@@ -198,7 +206,8 @@ def _planned_run(
     """One run with its id. The keys and values that are hashed must stay as they are, for they make the ids."""
     values = values | {"G_p": G_p, "start": f"products/{start}.h5" if start else ""}
     grains = config.assembly
-    hashed = {"stage": stage, "protocol": PROTOCOL[stage], "N": grains.N,
+    protocol = PROTOCOL if config.dem.code == "yade" else LAMMPS_PROTOCOL
+    hashed = {"stage": stage, "protocol": protocol[stage], "N": grains.N,
               "sigma_ln": further.get("sigma_ln", grains.sigma_ln), "distribution": grains.distribution,
               **values}  # fmt: skip
     names = [stage]
@@ -237,15 +246,18 @@ def predicted_steps(stage: str, values: dict[str, Any]) -> float:
 
         steps = C (G_p / sigma_3)^(1/3) / (timestep_factor / STEP_FACTOR)
 
-    with C = CONSOLIDATION_STEPS, PROBE_STEPS, or SHEAR_STEPS times strain over inertial number; the strain is that of a
-    drained compression with as many steps (`equivalent_strain`).
+    with C = CONSOLIDATION_STEPS, PROBE_STEPS, or SHEAR_STEPS times strain over inertial number, LAMMPS_STEPS in LAMMPS.
+    The strain is that of a drained compression with as many steps (`equivalent_strain`).
     """
+    yade = values.get("code", "yade") == "yade"
+    consolidation, probe, shear = (CONSOLIDATION_STEPS, PROBE_STEPS, SHEAR_STEPS) if yade else LAMMPS_STEPS
+    balanced = BALANCED_STEP if yade else LAMMPS_BALANCED_STEP
     stiff = (values["G_p"] * values["stiffness_scale"] / values["sigma_3"]) ** (1.0 / 3.0)
-    step = values["timestep_factor"] / STEP_FACTOR * (BALANCED_STEP if values["density_scaling"] else 1.0)
+    step = values["timestep_factor"] / STEP_FACTOR * (balanced if values["density_scaling"] else 1.0)
     if stage == "shear":
         rate = effective_inertial_number(values["inertial_number"], values["mu_s"])
-        return SHEAR_STEPS * equivalent_strain(values) / rate * stiff / step
-    return {"consolidate": CONSOLIDATION_STEPS, "probe": PROBE_STEPS}[stage] * stiff / step
+        return shear * equivalent_strain(values) / rate * stiff / step
+    return {"consolidate": consolidation, "probe": probe}[stage] * stiff / step
 
 
 def equivalent_strain(values: dict[str, Any]) -> float:
@@ -259,8 +271,10 @@ def equivalent_strain(values: dict[str, Any]) -> float:
     return strain * (CONSTANT_P_STEPS if path == "constant_p" else EXTENSION_STEPS if extends else 1.0)
 
 
-def predicted_seconds(stage: str, particle_steps: float) -> float:
-    """Return the predicted CPU time (s) of a run, the start of YADE included."""
+def predicted_seconds(stage: str, particle_steps: float, code: str = "yade") -> float:
+    """Return the predicted CPU time (s) of a run, the start of its code ("yade" or "lammps") included."""
+    if code == "lammps":
+        return LAMMPS_SECONDS_PER_START + particle_steps / LAMMPS_RATE[stage]
     return SECONDS_PER_START + particle_steps / PARTICLE_STEPS_PER_CPU_SECOND[stage]
 
 
@@ -302,8 +316,11 @@ def write_plan(rows: Sequence[PlannedRun], folder: Path) -> list[str]:
         writer.writerow([*cells[:place], *(_csv_cell(row.further.get(name, "")) for name in further), *cells[place:]])
     files = {"tables/plan.csv": out.getvalue()}
     for stage in STAGES:
+        stage_rows = [row for row in rows if row.stage == stage]
         command = f"yade-batch batch/{stage}.table {script(folder, stage)}"
-        files[f"batch/{stage}.table"] = yade_table([row for row in rows if row.stage == stage], command)
+        if any("code" in row.values for row in stage_rows):
+            command = f"YADE_BATCH=batch/{stage}.table:LINE python3 -m campaign.lammps {stage}"
+        files[f"batch/{stage}.table"] = yade_table(stage_rows, command)
     note = folder / "tables" / "written.json"
     written, before = read_json(note, {}), {name: _digest(folder / name) for name in files}
     edited = [name for name in files if name in written and before[name] not in ("", written[name])]

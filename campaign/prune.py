@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -29,6 +30,8 @@ def prune_products(folder: Path, rows: Sequence[PlannedRun], *, remove: bool) ->
         text = _listed(folder, files)
         for path in files:
             path.unlink()
+            if path.suffix == ".h5" and path.parent.name == "products":  # the scripts of a run in LAMMPS
+                shutil.rmtree(path.with_suffix(".lammps"), ignore_errors=True)
         _forget_sums(folder / "products")
     return text + ("\nremoved" if files else "")
 

@@ -1,11 +1,12 @@
-"""Supervises one run in YADE: yade-batch and SLURM start this in place of `yade`, once per row of a table.
+"""Supervises one run in YADE or LAMMPS: yade-batch and SLURM start this in place of `yade`, once per row of a table.
 
     YADE_BATCH=batch/shear.table:17 python3 -m campaign.run_one [options of yade] SCRIPT
 
-Runs the row in YADE on one thread and without network servers (see `no_servers/`), stops the run if it hangs, and
-repeats it once with a smaller time step where that can help. If the run failed, it writes a failure file with the
-reason in one line; if the machine failed (no YADE, disk full, YADE killed from outside), it writes nothing, so that the
-run stays missing and keeps its checkpoint. Each run has a folder of its own for temporary files, which ends with it.
+Runs the row in YADE on one thread and without network servers (see `no_servers/`), or, if its column `code` says so, in
+LAMMPS (`campaign.lammps`). Stops the run if it hangs, and repeats it once with a smaller time step where that can help.
+If the run failed, it writes a failure file with the reason in one line; if the machine failed (no YADE, disk full, YADE
+killed from outside), it writes nothing, so that the run stays missing and keeps its checkpoint. Each run has a folder
+of its own for temporary files, which ends with it.
 
 Exit codes: 0 the product is there, 1 the run failed, 74 the machine failed, 75 another process works on this run.
 Standard library only, so that the start takes little time.
@@ -45,6 +46,8 @@ MACHINE = (
 )
 #: Signals by which a process ends through its own fault; any other one comes from outside, from a user or the kernel.
 CRASHES = (signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGTRAP, signal.SIGSYS)
+#: The program of each code.
+PROGRAMS = {"yade": "yade", "lammps": "lmp"}
 HERE = Path(__file__).resolve().parent
 
 
@@ -203,13 +206,16 @@ def _smaller_step_can_help(reason: str) -> bool:
 
 
 def _attempt(task: Task, product: Path, script: str, batch: str) -> int:
-    """Run YADE once and judge the outcome; `batch` is the value of YADE_BATCH."""
+    """Run the code once and judge the outcome; `batch` is the value of YADE_BATCH."""
     failure = product.with_suffix(".failed.json")
     log = f"logs/{product.stem}.log"
-    yade = os.environ.get("CAMPAIGN_YADE") or "yade"
-    if shutil.which(yade) is None:
-        print(f"{yade}: no such program on this machine; CAMPAIGN_YADE can name another one", flush=True)
+    code = task.text("code") or "yade"
+    name, variable = ("YADE", "CAMPAIGN_YADE") if code == "yade" else ("LAMMPS", "CAMPAIGN_LMP")
+    program = os.environ.get(variable) or PROGRAMS[code]
+    if shutil.which(program) is None:
+        print(f"{program}: no such program on this machine; {variable} can name another one", flush=True)
         return ENVIRONMENT
+    command = [program, "-n", "-x", "-j1", script] if code == "yade" else _lammps_command(script)
     if shutil.disk_usage(product.parent).free < FREE_BYTES:
         print(f"no space left: under {FREE_BYTES >> 20} MiB free for {product.parent}", flush=True)
         return ENVIRONMENT
@@ -228,24 +234,32 @@ def _attempt(task: Task, product: Path, script: str, batch: str) -> int:
         signal.signal(number, end_with_child)
     with _temporary_folder(place):
         env = run_environment() | {"YADE_BATCH": batch, "TMPDIR": str(place)}
-        child = subprocess.Popen([yade, "-n", "-x", "-j1", script], env=env, stdin=subprocess.DEVNULL,
+        child = subprocess.Popen(command, env=env, stdin=subprocess.DEVNULL,
                                  preexec_fn=die_with_parent)  # fmt: skip
         stopped = _watch(child, task.predicted, place)
     if product.exists():
         failure.unlink(missing_ok=True)
         record_sum(product)
         return OK
-    reason = str(read_json(failure, {}).get("reason", "")) or _killed(child.returncode)
+    reason = str(read_json(failure, {}).get("reason", "")) or _killed(child.returncode, name)
+    if code != "yade" and child.returncode == ENVIRONMENT and not stopped:
+        failure.unlink(missing_ok=True)
+        return ENVIRONMENT  # the code has stated why
     if not stopped and (re.search(MACHINE, reason) or shutil.disk_usage(product.parent).free < FREE_BYTES // 4):
         failure.unlink(missing_ok=True)
         print(f"not the run's fault, it stays missing: {reason or 'no space left on the disk'}", flush=True)
         return ENVIRONMENT
-    if not stopped and not failure.exists() and _killed(child.returncode):
+    if not stopped and not failure.exists() and _killed(child.returncode, name):
         print(f"not the run's fault, it stays missing: {reason}", flush=True)
         return ENVIRONMENT
     if not failure.exists():
-        write_failure(product.parent, product.stem, stopped or _reason(child.returncode, Path(log)), log=log)
+        write_failure(product.parent, product.stem, stopped or _reason(child.returncode, Path(log), name), log=log)
     return FAILED
+
+
+def _lammps_command(script: str) -> list[str]:
+    """The command that runs a row in LAMMPS; the stage is that of the script which YADE would run."""
+    return [sys.executable, "-m", "campaign.lammps", Path(script).stem]
 
 
 def run_environment() -> dict[str, str]:
@@ -317,41 +331,49 @@ def _watch(child: subprocess.Popen, predicted: float, place: Path) -> str:
 
 
 def _cpu_seconds(pid: int) -> tuple[float, bool]:
-    """CPU seconds that a process has used, and whether it waits for a core: on a busy machine that is no hang."""
+    """CPU seconds that a process and those it started have used, and whether one of them waits for a core.
+
+    On a busy machine a process that waits is no hang. What an ended child has used counts for its parent.
+    """
     try:
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
     except OSError:
         return 0.0, False
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK"), fields[0] == "R"
+    used, waits = sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK"), fields[0] == "R"
+    for child in children:
+        of_child, child_waits = _cpu_seconds(int(child))
+        used, waits = used + of_child, waits or child_waits
+    return used, waits
 
 
 def _signal(code: int) -> int:
-    """The signal that ended YADE by its exit code, 0 if none did; a shell around it adds 128."""
+    """The signal that ended a code by its exit code, 0 if none did; a shell around it adds 128."""
     number = -code if code < 0 else code - 128 if code > 128 else 0
     return number if number in {*signal.Signals} or code < 0 else 0
 
 
-def _killed(code: int) -> str:
-    """By which signal YADE was killed from outside, in one line; "" if it was not."""
+def _killed(code: int, name: str = "YADE") -> str:
+    """By which signal a code of that name was killed from outside, in one line; "" if it was not."""
     number = _signal(code)
-    return f"YADE was killed by signal {number} ({_signal_name(number)})" if number and number not in CRASHES else ""
+    return f"{name} was killed by signal {number} ({_signal_name(number)})" if number and number not in CRASHES else ""
 
 
 def _signal_name(number: int) -> str:
     return signal.Signals(number).name if number in {*signal.Signals} else "real-time"
 
 
-def _reason(code: int, log: Path) -> str:
+def _reason(code: int, log: Path, name: str = "YADE") -> str:
     """The reason, in one line, of a run that ended without a product and without a failure file."""
     if number := _signal(code):
-        return f"YADE ended by signal {number} ({_signal_name(number)})"
+        return f"{name} ended by signal {number} ({_signal_name(number)})"
     try:
         lines = log.read_text(errors="replace").splitlines()[-200:]
     except OSError:
         lines = []
     errors = [line.strip() for line in lines if re.match(r"^\w*(\.\w+)*(Error|Exception|Interrupt|Warning)\b.*", line)]
     last_error = f": {errors[-1]}" if errors else ""
-    return f"script error (exit {code}){last_error}" if code else f"YADE ended without a product{last_error}"
+    return f"script error (exit {code}){last_error}" if code else f"{name} ended without a product{last_error}"
 
 
 def main(argv: list[str]) -> int:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from campaign.batches import last_judgement, spared
-from campaign.config import ROOT, Config, jobs
+from campaign.config import ROOT, Config, places
 from campaign.engine_slurm import NOTE, ended_without_product, queued_rows
 from campaign.estimate import estimate
 from campaign.files import code_digest
@@ -52,7 +52,8 @@ def summary(config: Config, rows: Sequence[PlannedRun], statuses: dict[str, RunS
     failures: list[dict[str, str]] = []
     spent = spent_on_failures = 0.0
     notes = {"retried": 0, "resumed": 0, "other_scripts": 0}
-    script_digests, present_digest = set(), code_digest(ROOT / "yade_scripts")
+    scripts = "yade_scripts" if config.dem.code == "yade" else f"campaign/{config.dem.code}"
+    script_digests, present_digest = set(), code_digest(ROOT / scripts)
     for row in rows:
         status = statuses[row.run_id]
         for stage in (row.stage, "total"):
@@ -71,7 +72,7 @@ def summary(config: Config, rows: Sequence[PlannedRun], statuses: dict[str, RunS
             script_digests.add(script_digest)
     total = counts["total"]
     # the number of runs at once on a cluster shows only in what runs there now
-    at_once = max(total["running"], 1) if total["queued"] else jobs(config)
+    at_once = max(total["running"], 1) if total["queued"] else places(config)
     to_go = estimate(rows, statuses, at_once)
     return {
         "campaign": config.name,
@@ -81,6 +82,7 @@ def summary(config: Config, rows: Sequence[PlannedRun], statuses: dict[str, RunS
         "core_hours_predicted": sum(row.cpu_seconds for row in rows) / 3600.0,
         "core_hours_to_go": to_go.cpu_seconds / 3600.0,
         "seconds_to_go": to_go.seconds,
+        "scripts": scripts,
         "script_versions": len(script_digests),
         **notes,
     }
@@ -114,6 +116,6 @@ def status_text(status: dict[str, Any]) -> str:
     if status["resumed"]:
         lines.append(f"{status['resumed']} runs went on from a checkpoint")
     if status["other_scripts"]:
-        lines.append(f"note: {status['other_scripts']} products were made by other yade_scripts than the present ones "
-                     f"({status['script_versions']} versions in all)")  # fmt: skip
+        lines.append(f"note: {status['other_scripts']} products were made by other {status['scripts']} "
+                     f"than the present ones ({status['script_versions']} versions in all)")  # fmt: skip
     return "\n".join(lines)

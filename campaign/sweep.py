@@ -49,7 +49,7 @@ def run_sweep(
         rows = {row.run_id: row for _, rows_of_one in planned for row in rows_of_one}
         hours = predicted_cost(list(rows.values()))["total"]["core_hours"]
         print(f"{key}: {len(campaigns)} values, {len(rows)} different runs, {hours:.2f} core-hours (predicted)")
-        print(pace.sentence(rows.values(), folder), end="")
+        print(pace.sentence(list(rows.values()), folder), end="")
         code, analysed = 0, []
         for one, (place, rows_of_one) in zip(campaigns, planned, strict=True):
             print(f"\n{key} = {one.value}")

@@ -99,12 +99,18 @@ def _unit(quantity: Quantity) -> str:
     return {"1": "–", "deg": "°", "kg/m3": "kg/m³"}.get(unit, unit)
 
 
-def citation() -> str:
+def is_lammps(results: Results) -> bool:
+    """Whether the runs were made by LAMMPS; all other runs are YADE's."""
+    return any(str(version).startswith("LAMMPS") for version in results.runs["yade_version"])
+
+
+def citation(results: Results) -> str:
     """HTML on how to cite, and the licence."""
+    code = "LAMMPS (lammps.org)" if is_lammps(results) else "YADE (yade-dem.org)"
     return page.paragraphs([
         f"This tool: The grain-scatter authors, grain-scatter, version {__version__} (CITATION.cff has the entry).",
         f"The method: {published.REFERENCE}",
-        "Simulations by YADE (yade-dem.org); its documentation states how to cite it. For these numbers, add the name "
+        f"Simulations by {code}; its documentation states how to cite it. For these numbers, add the name "
         "of this campaign and the date of its results, given below.",
         "Licence of grain-scatter: MIT.",
     ])  # fmt: skip
@@ -116,6 +122,9 @@ def settings(results: Results) -> str:
     yade = sorted(set(results.runs["yade_version"]) - {""})
     digests = [digest[:12] for digest in sorted(set(results.runs["script_digest"]) - {""})]
     rows = [("Results", attrs["created"]), *((name, text) for name, text in attrs["versions"].items())]
-    rows += [("YADE", ", ".join(yade)), ("Digests of the run scripts", ", ".join(digests))]
+    rows += [
+        ("LAMMPS" if is_lammps(results) else "YADE", ", ".join(yade).replace("LAMMPS ", "")),
+        ("Digests of the run scripts", ", ".join(digests)),
+    ]
     table = page.table(pd.DataFrame(rows, columns=["key", "text"]), "versions", "Versions of programs and results")
     return f"{table}<p>The campaign file:</p><pre>{html.escape(attrs['config']).replace('@', '&#64;')}</pre>"

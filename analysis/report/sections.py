@@ -114,7 +114,7 @@ def sections(content: Content) -> list[Section]:
         Section(TRUST, "Other sizes, rates and grains", reliability.other_runs(frames)),
         Section(PAPER, "Statements of the paper", reference.claims(frames["claims"], differences) * usual),
         Section(REFERENCE, "Glossary", reference.glossary(loading)),
-        Section(REFERENCE, "How to cite, licence", reference.citation()),
+        Section(REFERENCE, "How to cite, licence", reference.citation(results)),
         Section(REFERENCE, "Versions and settings", reference.settings(results)),
     ]  # fmt: skip
     return [section for section in listed if section.html]

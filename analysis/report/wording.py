@@ -194,11 +194,21 @@ def run_notes(results: Results, frames: Frames) -> list[str]:
     return notes
 
 
+#: Runs of a code that does not count the work of friction.
+NO_BALANCE = (
+    "No energy balance is proven: LAMMPS does not count the work of friction. The products hold what the balance "
+    "leaves for friction (E_residual); it is no proof, but a run is refused in which it is less than -10 % of the "
+    "boundary work."
+)
+
+
 def proof_notes(frames: Frames) -> list[str]:
-    """Corrected probes, and how many runs prove a steady critical state."""
+    """Missing energy balances, corrected probes, and how many runs prove a steady critical state."""
     runs = frames["runs"]
     shear = runs[(runs["status"] == "done") & (runs["stage"] == "shear")]
     notes, checks = [], frames["probe_checks"].iloc[0]
+    if len(shear) and shear["energy_error"].isna().all():
+        notes.append(NO_BALANCE)
     if checks["checked"]:
         notes.append(
             f"In {int(checks['checked'])} of {int(checks['probes'])} small-strain probes more than "

@@ -22,6 +22,8 @@ FORMAT, VERSION = "dem-run", 1
 STAGES = ("consolidate", "shear", "probe")
 #: Energies that a shear run accumulates up to its `energy_strain` only; NaN in the rows beyond.
 ENDING = ("E_elastic", "E_friction", "E_damping")
+#: Quantities that a code may not give: NaN in every row where the attribute `not_given` of the file names them.
+OPTIONAL = ("E_friction",)
 #: Quantities without a finite value where no contacts are left, after a test has liquefied.
 OF_CONTACTS = ("e_m", "Z_m", "Phi", "f_sliding", "I", "F_unb")
 
@@ -190,12 +192,17 @@ class _Record(Mapping[str, np.ndarray]):
 
     def __getitem__(self, symbol: str) -> np.ndarray:
         if symbol not in self._read:
+            given = symbol not in OPTIONAL or symbol not in not_given(self._attrs)
             if symbol not in self._shapes:
                 raise RunFileError(f"{self._path}: /record has no {symbol}")
             with open_hdf5(self._path, RunFileError, "run file") as file:
                 values = _numbers(f"{self._path}: /record", file["record"], symbol)
             checked = values[: self._rows()] if symbol in OF_CONTACTS and self._liquefied else values
-            if values.dtype.kind == "f" and (row := _first_bad(checked, may_end=symbol in ENDING)) is not None:
+            if (
+                values.dtype.kind == "f"
+                and given
+                and (row := _first_bad(checked, may_end=symbol in ENDING)) is not None
+            ):
                 raise RunFileError(f"{self._path}: /record/{symbol}[{row}] is not finite")
             self._read[symbol] = values
         return self._read[symbol]
@@ -208,6 +215,11 @@ class _Record(Mapping[str, np.ndarray]):
 
     def __len__(self) -> int:
         return len(self._shapes)
+
+
+def not_given(attrs: Mapping[str, Any]) -> list[str]:
+    """Names of the quantities and proofs that the code of a run cannot give, from the file's attributes."""
+    return [name for name in str(attrs.get("not_given", "")).split(",") if name]
 
 
 def _first_bad(values: np.ndarray, may_end: bool) -> int | None:

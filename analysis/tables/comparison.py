@@ -175,7 +175,7 @@ def _settings(results: Results) -> dict[str, str]:
     table["largest strain"] = f"{results.strain[-1]:.4g}"
     table |= {f"version of {name}": str(value) for name, value in results.attrs["versions"].items()}
     if "yade_version" in runs:
-        table["version of YADE"] = ", ".join(sorted({str(v) for v in runs["yade_version"] if v}))
+        table["version of the DEM code"] = ", ".join(sorted({str(v) for v in runs["yade_version"] if v}))
     return table
 
 

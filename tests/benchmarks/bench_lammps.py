@@ -2,25 +2,22 @@
 
     /usr/bin/python3 tests/benchmarks/bench_lammps.py        (a quarter of an hour; resumes where it stopped)
 
-Optional: without LAMMPS (Debian's package lammps) it says so and ends.  Each packing is consolidated, brought to rest
-with mu_s and sheared by this project's own stages; the state at rest goes to LAMMPS (`lammps_input.py`), which shears
-it at the same inertial number under the same confining stress.  data/benchmarks/lammps.csv has a row per packing and
-code and LAMMPS's bare loop at two sizes; lammps_agreement.csv the difference of the codes beside the scatter of
-packings; lammps.png shows the curves.  CPU seconds, user and system, are those of whole processes on one core.
+Optional: without LAMMPS (Debian's package lammps) it says so and ends. Each packing is consolidated, brought to rest
+with mu_s and sheared by this project's own stages; the grains at rest go to LAMMPS (`lammps_runs.adopt`), which shears
+them at the same inertial number under the same confining stress (`campaign/lammps`), with their own inertia.
+data/benchmarks/lammps.csv has a row per packing and code and LAMMPS's bare loop at two sizes; lammps_agreement.csv the
+difference of the codes beside the scatter of packings; lammps.png shows the curves. CPU seconds, user and system, are
+those of whole processes on one core.
 """
 
 from __future__ import annotations
 
-import hashlib
 import itertools
-import json
-import os
-import resource
 import shutil
-import subprocess
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import matplotlib
 import numpy as np
@@ -30,11 +27,14 @@ from scipy.special import stdtrit
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 
-from analysis.micromechanics.metrics import love_stress, sphere_volume  # noqa: E402
+from analysis.micromechanics.metrics import love_stress  # noqa: E402
 from analysis.micromechanics.snapshot import Snapshot  # noqa: E402
 from analysis.runs.peak_critical import peak_state, stress_ratio  # noqa: E402
-from analysis.runs.run_file import Run, read_snapshot  # noqa: E402
-from tests.benchmarks import lammps_input  # noqa: E402
+from analysis.runs.run_file import Run, read_run, read_snapshot  # noqa: E402
+from campaign.lammps import packing as lammps_packing  # noqa: E402
+from campaign.lammps import runner, scene, stages  # noqa: E402
+from campaign.lammps.outputs import LammpsError  # noqa: E402
+from tests.benchmarks import lammps_runs  # noqa: E402
 from tests.benchmarks.dem_runs import BUILD, RunFailed, chain, digest  # noqa: E402
 
 matplotlib.use("Agg")
@@ -44,6 +44,7 @@ TABLE = ROOT / "data" / "benchmarks" / "lammps.csv"
 N, PACKINGS, MU_ISO, MU_S, G_P, STRAIN_END = 1000, (1, 2, 3), 0.04, 0.25, 25.7e9, 0.40
 CRITICAL_FROM, SERVO_FROM = 0.25, 0.01  # strains: of the critical state, and from which the servo is judged
 EARLY = 0.02  # strain up to which two runs of one packing keep together, before chaos parts them
+STEP = 0.8  # of the stability limit: time step of the bare loop
 COPIES = {1: 20_000, 3: 1_000}  # bare loop: copies of the packing an axis, and steps
 SYMBOLS = ("eta", "e", "Z")
 STATES = ("eta_peak", "eta_critical", "e_critical", "Z_critical", "e_initial", "Z_initial")
@@ -82,7 +83,7 @@ def main() -> int:
     if not curves:
         return 1
     try:
-        rows += [speed(probe, shear, copies) for copies in COPIES]
+        rows += [speed(shear, copies) for copies in COPIES]
     except RunFailed as error:
         print(f"bare loop: {error}", file=sys.stderr)
         status = 1
@@ -107,78 +108,25 @@ def yade_curve(shear: Run) -> Curve:
 
 
 def lammps_curve(probe: Run, shear: Run) -> Curve:
-    """The probe's packing at rest sheared in LAMMPS, averaged over YADE's windows; cost without the rest before."""
-    s = read_snapshot(probe, "start")
-    p = parameters(shear)
-    modulus = probe.probe["K_0"] + 4.0 / 3.0 * probe.probe["G_0"]
-    dt = lammps_input.STEP * lammps_input.stable_step(s, p.rho)
-    folder, cpu = lammps("shear", s, p, lammps_input.shear_script(s, p, modulus, dt))
-    check_hertz(s, folder)
-    data = dict(zip(("step", *lammps_input.COLUMNS), np.loadtxt(folder / "record.txt").T, strict=True))
-    data = pd.DataFrame(average(data, shear.record["eps_a"]))
-    sigma = np.stack([np.diag(row) for row in data[["sigma_x", "sigma_y", "sigma_z"]].to_numpy()])
-    volume = data.length_x * data.length_y * data.length_z
-    values = {"eta": stress_ratio(sigma), "e": volume.to_numpy() / sphere_volume(s.radius).sum() - 1.0}
-    servo = (data.sigma_x + data.sigma_y).to_numpy() / (2.0 * p.sigma_3) - 1.0
-    steps = int(data.last_step.iloc[-1] - data.last_step.iloc[0])
-    share, version = steps / data.last_step.iloc[-1], (folder / "log.txt").read_text().split(")")[0].split("(")[1]
-    return Curve(data.eps_a.to_numpy(), values | {"Z": data.Z.to_numpy()}, servo, steps, share * cpu, dt, version)
+    """The probe's packing at rest sheared in LAMMPS with the grains' own inertia; cost without the rest before."""
+    p = shear.parameters
+    start = lammps_runs.adopt(probe.path, density_scaling=0)
+    names = ("mu_s", "G_p", "inertial_number", "strain_end")
+    product = lammps_runs.run("shear", start=start, density_scaling=0, **{name: p[name] for name in names})
+    check_hertz(read_snapshot(probe, "start"), read_snapshot(start, "start"))
+    return yade_curve(read_run(product))
 
 
-def parameters(shear: Run) -> lammps_input.Shear:
-    """What the YADE run was asked for."""
-    names = lammps_input.Shear.__dataclass_fields__
-    return lammps_input.Shear(**{name: shear.parameters[name] for name in names})
+def check_hertz(yade: Snapshot, adopted: Snapshot, limit: float = 1e-3) -> None:
+    """RunFailed unless the adopted packing carries the stress of YADE's in the same cell, up to what still moved."""
+    for name, a, b in (("cell", yade.cell, adopted.cell), ("stress", _stress(yade), _stress(adopted))):
+        error = float(np.abs(np.diag(b) / np.diag(a) - 1.0).max())
+        if not error < limit:
+            raise RunFailed(f"{adopted.where}: {name} of the adopted packing is off by {error:.3g} > {limit:g}")
 
 
-def lammps(name: str, s: Snapshot, p: lammps_input.Shear, script: str) -> tuple[Path, float]:
-    """Folder and CPU seconds of a LAMMPS run of that script on that packing, run when missing; RunFailed on errors."""
-    data = lammps_input.data_file(s, p.rho)
-    folder = BUILD / f"lammps_{name}_{hashlib.sha256((data + script).encode()).hexdigest()[:12]}"
-    done = folder / "done.json"
-    if not done.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        (folder / "packing.data").write_text(data)
-        (folder / "in.txt").write_text(script)
-        before = cpu_of_children()
-        ended = subprocess.run(
-            ["lmp", "-in", "in.txt", "-log", "log.txt", "-screen", "none"], cwd=folder, stdin=subprocess.DEVNULL,
-            env=os.environ | {"OMP_NUM_THREADS": "1"}, capture_output=True, text=True, check=False,
-        )  # fmt: skip
-        text = (folder / "log.txt").read_text() if (folder / "log.txt").exists() else ended.stderr
-        if ended.returncode or "ERROR" in text:
-            reason = next((line for line in text.splitlines() if "ERROR" in line), f"exit status {ended.returncode}")
-            raise RunFailed(f"{folder.name}: LAMMPS: {reason}")
-        done.write_text(json.dumps({"cpu_seconds": cpu_of_children() - before}))
-    return folder, json.loads(done.read_text())["cpu_seconds"]
-
-
-def cpu_of_children() -> float:
-    """CPU seconds, user and system, of all child processes that have ended."""
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
-
-
-def check_hertz(s: Snapshot, folder: Path, limit: float = 1e-4) -> None:
-    """RunFailed unless LAMMPS begins with the stress of YADE's normal forces, up to what little still moves."""
-    lines = (folder / "log.txt").read_text().splitlines()
-    at = next(k for k, line in enumerate(lines) if line.startswith("Step "))
-    found = np.array(lines[at + 1].split()[1:4], float)
-    expected = np.abs(np.diag(love_stress(s.branch, s.f_n, s.volume)))
-    error = float(np.abs(found / expected - 1.0).max())
-    if not error < limit:
-        raise RunFailed(f"{folder.name}: stress of the normal forces is off by {error:.3g} > {limit:g}")
-
-
-def average(data: dict[str, np.ndarray], eps_a: np.ndarray) -> dict[str, np.ndarray]:
-    """The row at rest, then means of the fine rows about the strains `eps_a` (T,), and each window's `last_step`."""
-    edges = np.concatenate([[-np.inf, 1e-6], 0.5 * (eps_a[1:-1] + eps_a[2:]), [np.inf]])
-    window = np.searchsorted(edges, data["eps_a"], side="right") - 1
-    count = np.bincount(window, minlength=len(eps_a))
-    if (count == 0).any():
-        raise RunFailed(f"LAMMPS: no row of its record about strain {eps_a[count == 0][0]:.3g}")
-    means = {key: np.bincount(window, y) / count for key, y in data.items()}
-    return means | {"last_step": np.array([data["step"][window == k].max() for k in range(len(eps_a))])}
+def _stress(s: Snapshot) -> np.ndarray:
+    return love_stress(s.branch, s.force, s.volume)
 
 
 def row(packing: int, code: str, curve: Curve) -> dict:
@@ -208,11 +156,28 @@ def cost(n: int, steps: int, cpu: float) -> dict:
     }
 
 
-def speed(probe: Run, shear: Run, copies: int) -> dict:
+def speed(shear: Run, copies: int) -> dict:
     """Row of LAMMPS's bare loop over the packing repeated: neither servo nor record."""
-    s, p, steps = read_snapshot(probe, "start"), parameters(shear), COPIES[copies]
-    dt = lammps_input.STEP * lammps_input.stable_step(s, p.rho)
-    _, cpu = lammps("bare", s, p, lammps_input.speed_script(p, dt, copies, steps))
+    p, steps = SimpleNamespace(**shear.parameters, run_id="bare"), COPIES[copies]
+    s = read_snapshot(shear, "start")
+    p.d_max = 2.0 * float(s.radius.max())
+    mass = lammps_packing.masses(s.radius, p.rho, False)
+    dt = STEP * lammps_packing.stable_step(s, mass)
+    folder = BUILD / f"lammps_bare_{copies}"
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "grains.data").write_text(lammps_packing.data_file(s.position, s.radius, lammps_packing.edges(s), mass))
+    half = 0.5 * stages.strain_rate(p)
+    text = [
+        scene.settings(p, "read_data grains.data"), scene.law(p, p.mu_s, p.G_p, 0.0), scene.engines(dt),
+        f"replicate {copies} {copies} {copies}",
+        f"fix cell all deform 1 x erate {half:.9g} y erate {half:.9g} z erate {-2.0 * half:.9g} remap v units box",
+        f"run {steps}",
+    ]  # fmt: skip
+    (folder / "in.lammps").write_text("\n".join(text) + "\n")
+    try:
+        _, cpu = runner.run_lammps(folder, "in", 1)
+    except LammpsError as error:
+        raise RunFailed(str(error)) from None
     n = s.N * copies**3
     return {"run": "bare loop", "code": "LAMMPS", "N": n, "scripts": digest(), "dt": dt} | cost(n, steps, cpu)
 

@@ -41,14 +41,21 @@ def test_without_a_finished_run_or_on_another_machine_nothing_is_said(rows, tmp_
     assert pace.sentence(rows, tmp_path / "first") == ""
 
 
-@pytest.mark.parametrize(
-    "text", ["", "[]", '{"pace": 3, "machine": "here"}', '{"pace": {"shear": "fast"}, "machine": "here"}']
-)
+@pytest.mark.parametrize("text", [
+    "", "[]", '{"machine": "here", "code": "yade", "pace": 3}',
+    '{"machine": "here", "code": "yade", "pace": {"shear": "fast"}}',
+])  # fmt: skip
 def test_a_damaged_file_is_passed_over(rows, tmp_path, monkeypatch, text):
     monkeypatch.setattr(pace, "machine", lambda: "here")
     (tmp_path / "first").mkdir()
     (tmp_path / "first" / pace.FILE).write_text(text)
     assert pace.newest(tmp_path / "second") is None
+
+
+def test_the_pace_of_another_dem_code_is_not_taken(rows, tmp_path):
+    pace.keep(tmp_path / "first", rows, done(rows, 0.4))
+    lammps = [replace(row, values=row.values | {"code": "lammps"}) for row in rows]
+    assert pace.sentence(rows, tmp_path / "second") and pace.sentence(lammps, tmp_path / "second") == ""
 
 
 def test_stages_keep_their_own_pace(rows, tmp_path):

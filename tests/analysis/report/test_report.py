@@ -226,6 +226,18 @@ def test_the_proofs_name_their_worst_run(results):
     assert proofs.loc["largest inertial number", "run_of_the_largest"].startswith("shear_")
 
 
+def test_runs_of_lammps_are_named_and_their_missing_balance_is_said(results):
+    frames = synthetic.frames(0.02)
+    notes = wording.proof_notes(frames)
+    assert wording.NO_BALANCE not in notes and "Simulations by YADE" in reference.citation(results)
+    lammps = frames["runs"].assign(energy_error=np.nan)
+    assert wording.proof_notes({**frames, "runs": lammps})[0] == wording.NO_BALANCE
+    other = replace(results, runs=results.runs.assign(yade_version="LAMMPS 29 Sep 2021", energy_error=np.nan))
+    assert "Simulations by LAMMPS (lammps.org)" in reference.citation(other)
+    assert ">LAMMPS<" in reference.settings(other) and ">29 Sep 2021<" in reference.settings(other)
+    assert "error of the energy balance" not in set(run_quality.proofs(other)["proof"])
+
+
 def test_the_limits_shown_are_those_of_the_scripts():
     tree = ast.parse((ROOT / "yade_scripts" / "proofs.py").read_text())
     limits = {}

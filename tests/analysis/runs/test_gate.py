@@ -187,3 +187,46 @@ def test_a_steady_run_may_end_early_but_not_before_steadiness_is_judged(tmp_path
             gate.check_product(read_run(row.product))
     with pytest.raises(RunFileError, match="ends as steady at strain 0.2 < 0.25"):
         gate.check_product(read_run(row.product))
+
+
+def without_balance(file):
+    """An example run as LAMMPS writes it: what the balance leaves for friction in place of the work of friction."""
+    file.attrs.update(code="lammps", not_given="E_friction,energy_error")
+    file["record/E_residual"] = file["record/E_friction"][()]
+    file["record/E_friction"][...] = np.nan
+    file["proofs"].attrs.update(energy_error=np.nan, friction_residual=0.98)
+
+
+def test_a_code_that_does_not_count_friction_passes_without_an_energy_balance(tmp_path):
+    run = changed(tmp_path, "shear", without_balance)
+    gate.check_product(run)
+    assert np.isnan(run.record["E_friction"]).all() and np.isnan(run_summary(run).facts["energy_error"])
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda file: file["proofs"].attrs.update(energy_error=0.02), r"claims an energy balance \(0.02\)"),
+        (lambda file: file.attrs.update(not_given="E_friction"), "claims an energy balance"),
+        (lambda file: file["proofs"].attrs.update(friction_residual=-0.11), "friction_residual = -0.11 is not within"),
+        (lambda file: file["proofs"].attrs.update(friction_residual=np.nan), "friction_residual = nan is not within"),
+        (lambda file: file["proofs"].attrs.pop("friction_residual"), "friction_residual = missing is not within"),
+        (lambda file: file.attrs.pop("code"), "the proof energy_error = nan is not finite"),
+    ],
+)
+def test_a_residual_is_no_proof_and_energy_out_of_nothing_is_refused(tmp_path, change, words):
+    def both(file):
+        without_balance(file)
+        change(file)
+
+    with pytest.raises(RunFileError, match=words):
+        gate.check_product(changed(tmp_path, "shear", both))
+
+
+def test_a_quantity_that_is_not_given_must_be_named(tmp_path):
+    def unnamed(file):
+        without_balance(file)
+        file.attrs["not_given"] = "energy_error"
+
+    with pytest.raises(RunFileError, match=r"/record/E_friction\[0\] is not finite"):
+        _ = changed(tmp_path, "shear", unnamed).record["E_friction"]

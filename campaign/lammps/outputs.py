@@ -1,0 +1,122 @@
+"""What a run of LAMMPS leaves: samples, lists of contacts, snapshots, proofs, and why it ended."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+
+from analysis.micromechanics.metrics import love_stress
+from campaign.lammps.scene import CONTACTS, SAMPLES
+
+#: Relative difference of the stress from the contacts of a snapshot from LAMMPS' own that is refused.
+STRESS_LIMIT = 1e-5
+
+
+class LammpsError(RuntimeError):
+    """A run that LAMMPS did not bring to its end, or whose output contradicts itself; the text is one line."""
+
+
+def read_samples(path: Path) -> dict[str, np.ndarray]:
+    """Columns of the samples by name, each (T,), with `step`; raises LammpsError where a value is not finite."""
+    rows = np.loadtxt(path, ndmin=2)
+    if rows.size == 0:
+        raise LammpsError(f"{path.name} holds no sample")
+    data = dict(zip(("step", *SAMPLES), rows.T, strict=True))
+    if not np.isfinite(data["sigma_zz"]).all():
+        raise LammpsError("blow-up: the stress is not finite")
+    return data
+
+
+def stress(samples: dict[str, np.ndarray]) -> np.ndarray:
+    """Stress tensors (T, 3, 3), Pa, compression positive."""
+    return _tensors(samples, "sigma")
+
+
+def fabric(samples: dict[str, np.ndarray]) -> np.ndarray:
+    """Fabric tensors (T, 3, 3), the mean of n_i n_j; LAMMPS gives 15/2 times the deviatoric part."""
+    return _tensors(samples, "C") * (2.0 / 15.0) + np.eye(3) / 3.0
+
+
+def _tensors(samples: dict[str, np.ndarray], name: str) -> np.ndarray:
+    return np.stack([np.stack([samples[f"{name}_{min(a + b, b + a)}"] for b in "xyz"], -1) for a in "xyz"], -2)
+
+
+def contact_lists(path: Path) -> Iterator[tuple[int, np.ndarray]]:
+    """Step and contacts (C, 9) in the columns CONTACTS of every entry of a dump file."""
+    with open(path) as file:
+        while line := file.readline():
+            if line.startswith("ITEM: TIMESTEP"):
+                step = int(file.readline())
+            elif line.startswith("ITEM: NUMBER OF ENTRIES"):
+                count = int(file.readline())
+            elif line.startswith("ITEM: ENTRIES"):
+                text = "".join(file.readline() for _ in range(count))
+                yield step, np.fromstring(text, sep=" ").reshape(count, len(CONTACTS))
+
+
+def read_snapshot(
+    folder: Path, name: str, p: SimpleNamespace, G: float, eps_a: float, log: str
+) -> tuple[dict, np.ndarray]:
+    """Grains and contacts as a product holds them, and the masses (N,) kg; G: their shear modulus (Pa).
+
+    Raises LammpsError unless the stress from the contacts is LAMMPS' own.
+    """
+    grains = (folder / f"{name}.grains").read_text().splitlines()
+    bounds = np.array([line.split()[:2] for line in grains[5:8]], float)
+    table = np.loadtxt(grains[9:], ndmin=2)
+    _, rows = next(contact_lists(folder / f"{name}.contacts"))
+    radius, cell = table[:, 1], np.diag(bounds[:, 1] - bounds[:, 0])
+    ids = rows[:, :2].astype(np.int64) - 1
+    swapped = ids[:, 0] > ids[:, 1]
+    sign = np.where(swapped, -1.0, 1.0)[:, None]
+    ids[swapped] = ids[swapped][:, ::-1]
+    branch = -sign * rows[:, 2:5]  # LAMMPS: from the second to the first
+    distance = np.linalg.norm(branch, axis=1)
+    normal = branch / distance[:, None]
+    overlap = radius[ids].sum(axis=1) - distance
+    root = np.sqrt(radius[ids].prod(axis=1) / radius[ids].sum(axis=1))
+    order = np.lexsort((ids[:, 1], ids[:, 0]))
+    snapshot = {
+        "label": name,
+        "eps_a": float(eps_a),
+        "position": table[:, 3:6] - bounds[:, 0],
+        "radius": radius,
+        "cell": cell,
+        "contact_ids": ids[order],
+        "normal": normal[order],
+        "branch": branch[order],
+        "overlap": overlap[order],
+        "f_n": (rows[:, 5:6] * normal)[order],
+        "f_t": (-sign * rows[:, 6:9])[order],
+        "k_n": (2.0 * G / (1.0 - p.nu) * root * np.sqrt(overlap))[order],
+        "k_t": (4.0 * G / (2.0 - p.nu) * root * np.sqrt(overlap))[order],
+    }
+    check_stress(snapshot, name, log)
+    return snapshot, table[:, 2]
+
+
+def check_stress(snapshot: dict, name: str, log: str) -> float:
+    """Largest relative difference of the stress from the contacts from LAMMPS' own; LammpsError above STRESS_LIMIT."""
+    found = re.findall(rf"^STRESS {name} (\S+) (\S+) (\S+) ", log, re.M)
+    if not found:
+        raise LammpsError(f"no stress of the snapshot {name} in the log")
+    own = np.array(found[-1], float)
+    force = snapshot["f_n"] + snapshot["f_t"]
+    here = np.diag(love_stress(snapshot["branch"], force, float(np.linalg.det(snapshot["cell"]))))
+    error = float(np.abs(here - own).max() / np.abs(own).max())
+    if not error < STRESS_LIMIT:
+        raise LammpsError(
+            f"snapshot {name}: stress of the contacts is off LAMMPS' own by {error:.3g} > {STRESS_LIMIT:g}"
+        )
+    return error
+
+
+def proofs(log: str, name: str) -> dict[str, float]:
+    """Figures of the last proof of equilibrium printed under that name; empty without one."""
+    found = re.findall(rf"^PROOF {name} (.*)$", log, re.M)
+    words = found[-1].split() if found else []
+    return {key: float(value) for key, value in zip(words[::2], words[1::2], strict=True)}

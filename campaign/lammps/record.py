@@ -1,0 +1,147 @@
+"""The record of a shear run from its samples and lists of contacts: means of strain windows, as in YADE.
+
+LAMMPS does not count the work of friction.  `E_friction` is therefore not given, and `E_residual` is what the balance
+leaves for it: boundary work less the change of elastic and kinetic energy.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from types import SimpleNamespace
+
+import numpy as np
+
+from analysis.micromechanics.metrics import sliding_fraction, sphere_volume
+from campaign.lammps.outputs import fabric, stress
+
+#: Symbols of the record without values, and the reason.
+NOT_GIVEN = {"E_friction": "LAMMPS does not count the work of friction; E_residual is what the balance leaves for it"}
+
+
+def energies(contacts: np.ndarray, radius: np.ndarray, p: SimpleNamespace, G: float) -> float:
+    """Energy (J) in the springs of contacts (C, 9) between grains of radius (N,) m and shear modulus G (Pa).
+
+    Distances have nine digits: a contact whose overlap is lost in them carries nothing.
+    """
+    ids = contacts[:, :2].astype(int) - 1
+    overlap = radius[ids].sum(axis=1) - np.linalg.norm(contacts[:, 2:5], axis=1)
+    ids, contacts, overlap = ids[overlap > 0.0], contacts[overlap > 0.0], overlap[overlap > 0.0]
+    root = np.sqrt(radius[ids].prod(axis=1) / radius[ids].sum(axis=1) * overlap)
+    tangential = (contacts[:, 6:9] ** 2).sum(axis=1) / (2.0 * 4.0 * G / (2.0 - p.nu) * root)
+    return float((0.4 * contacts[:, 5] * overlap + tangential).sum())
+
+
+def along_contacts(
+    lists: Iterable[tuple[int, np.ndarray]], radius: np.ndarray, p: SimpleNamespace, G: float
+) -> dict[str, np.ndarray]:
+    """step, elastic energy (J), share of sliding contacts and number of contacts of each list, each (L,)."""
+    rows = []
+    for step, contacts in lists:
+        normal = contacts[:, 2:5] / np.linalg.norm(contacts[:, 2:5], axis=1)[:, None]
+        sliding = sliding_fraction(contacts[:, 5:6] * normal, contacts[:, 6:9], p.mu_s)
+        rows.append((step, energies(contacts, radius, p, G), sliding, len(contacts)))
+    return dict(zip(("step", "E_elastic", "f_sliding", "count"), np.array(rows, float).T, strict=True))
+
+
+def windows_of(strain: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Window (T,) of each sample: 0 is the state before shear; a window closes with the first sample at its edge."""
+    window, k = np.zeros(len(strain), int), 0
+    for i in range(1, len(strain)):
+        window[i] = k + 1
+        if k < len(edges) - 1 and strain[i] >= edges[k]:
+            k += 1
+    return window
+
+
+def record(
+    p: SimpleNamespace, samples: dict, contacts: dict, radius: np.ndarray, edges: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Every quantity of the record (W, ...), and `E_residual`; samples (T,), contacts (L,), radius (N,) m."""
+    every = _sampled(p, samples, radius)
+    window = windows_of(every["eps_a"], edges)
+    count = np.bincount(window)
+    last = np.cumsum(count) - 1
+    out = {symbol: _means(values, window, count) for symbol, values in every.items()}
+    step = samples["step"]
+    out["servo_mean"] = out.pop("servo")
+    out["servo_max"] = np.maximum.reduceat(np.abs(every["servo"]), np.cumsum(count) - count)
+    out["F_unb"] = _means(samples["resultant"], window, count) / _means(samples["mean_f_n"], window, count)
+    out["f_sliding"] = np.interp(_means(step, window, count), contacts["step"], contacts["f_sliding"])
+    elastic = np.interp(step, contacts["step"], contacts["E_elastic"])
+    work = _work(samples)
+    kinetic = every["E_kinetic"]
+    out["E_elastic"], out["W_boundary"] = elastic[last], work[last]
+    out["E_damping"] = np.zeros(len(count))
+    out["E_friction"] = np.full(len(count), math.nan)
+    out["E_residual"] = (work - (elastic - elastic[0]) - (kinetic - kinetic[0]))[last]
+    return out
+
+
+def _means(values: np.ndarray, window: np.ndarray, count: np.ndarray) -> np.ndarray:
+    """Means (W, ...) of values (T, ...) over the windows."""
+    sums = np.zeros((len(count), *values.shape[1:]))
+    np.add.at(sums, window, values)
+    return sums / count.reshape(-1, *[1] * (values.ndim - 1))
+
+
+def _sampled(p: SimpleNamespace, samples: dict, radius: np.ndarray) -> dict[str, np.ndarray]:
+    """The sampled quantities (T, ...) of the record."""
+    sigma, N = stress(samples), len(radius)
+    cell = np.stack([samples[f"length_{a}"] for a in "xyz"], axis=1)
+    volume, solid = cell.prod(axis=1), float(sphere_volume(radius).sum())
+    pressure = np.trace(sigma, axis1=1, axis2=2) / 3.0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mechanical = (samples["Z"] * N - samples["single"]) / samples["active"]
+        e_m = volume / samples["solid"] - 1.0
+    return {
+        "eps_a": samples["eps_a"],
+        "eps_v": np.log(volume[0] / volume),
+        "sigma": sigma,
+        "cell": cell,
+        "e": volume / solid - 1.0,
+        "e_m": e_m,
+        "Z": samples["Z"],
+        "Z_m": mechanical,
+        "Phi": fabric(samples),
+        "I": -samples["rate_z"] * p.d50 * np.sqrt(p.rho / pressure),
+        "E_kinetic": samples["kinetic"] + samples["turning"],
+        "servo": 0.5 * (sigma[:, 0, 0] + sigma[:, 1, 1]) / p.sigma_3 - 1.0,
+    }
+
+
+def _work(samples: dict) -> np.ndarray:
+    """Boundary work (T,), J, since the first sample: trapezoidal rule on stress and logarithmic strains."""
+    length = np.stack([samples[f"length_{a}"] for a in "xyz"], axis=1)
+    along = np.stack([samples[f"sigma_{a}{a}"] for a in "xyz"], axis=1) * length.prod(axis=1)[:, None]
+    steps = 0.5 * (along[1:] + along[:-1]) * np.diff(np.log(length), axis=0)
+    return np.concatenate([[0.0], -np.cumsum(steps.sum(axis=1))])
+
+
+def history(samples: dict, radius: np.ndarray) -> dict[str, np.ndarray]:
+    """A consolidation's own record: its samples with their step numbers."""
+    length = np.stack([samples[f"length_{a}"] for a in "xyz"], axis=1)
+    volume, N = length.prod(axis=1), len(radius)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return {
+            "steps": samples["step"].astype(int),
+            "sigma": stress(samples),
+            "e": volume / float(sphere_volume(radius).sum()) - 1.0,
+            "e_m": volume / samples["solid"] - 1.0,
+            "Z": samples["Z"],
+            "Z_m": (samples["Z"] * N - samples["single"]) / samples["active"],
+            "F_unb": samples["resultant"] / samples["mean_f_n"],
+        }
+
+
+def check_contacts(samples: dict, contacts: dict, N: int) -> str:
+    """What is wrong with the lists of contacts ("" if nothing): their number must be that of the samples, Z N / 2."""
+    at = np.searchsorted(samples["step"], contacts["step"])
+    there = at < len(samples["step"])
+    expected = samples["Z"][at[there]] * N / 2.0
+    wrong = np.abs(expected - contacts["count"][there]) > 0.5
+    if not wrong.any():
+        return ""
+    k = int(np.argmax(wrong))
+    step, found = (contacts[name][there][k] for name in ("step", "count"))
+    return f"list of contacts at step {step:.0f} has {found:.0f}, not {expected[k]:.0f}"

@@ -1,0 +1,214 @@
+"""The input scripts of the three stages, as LAMMPS reads them: consolidation, probe, shear.
+
+Each follows the script of the same name in `yade_scripts`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from types import SimpleNamespace
+
+import numpy as np
+
+from analysis.quantities import effective_inertial_number
+from campaign.lammps import scene
+from campaign.lammps.packing import AXES
+
+#: Directions of a probe's increments (3,), compression positive: shear at constant volume with both signs, and bulk.
+DIRECTIONS = {"shear": (-0.5, -0.5, 1.0), "back": (0.5, 0.5, -1.0), "bulk": (1.0 / 3.0,) * 3}
+STEP, DAMPED_STEP = 0.9, 0.65  # of the stability limit of the packing at rest; less where contacts are damped
+TOUCH, COMPRESSION_I, RAMP_TIMES = 0.1, 2e-3, 50.0  # as in yade_scripts/consolidate.py
+MOST_WINDOWS, CONSOLIDATION_WINDOW, PROBE_WINDOW = 30, 10.0, 5.0  # windows, and their inertial times
+MOST_REST_WINDOWS = 60
+#: Unbalanced force of the state at rest.  A packing that collapsed, because its mu_s is below mu_iso, still lost stress
+#: at 1.2e-5; the other probes of the default campaign ended at 1.3e-6 or less.
+CONSOLIDATION_QUIET, PROBE_QUIET = 1e-3, 1e-6
+SAMPLES_PER_WINDOW = 20  # samples in a typical window
+CONTACT_SAMPLES, MANY_GRAINS = 5, 5000  # samples between two lists of contacts; more beyond so many grains
+BLOW_UP = 100.0  # p' over sigma_3 at which a run ends
+STIFFENING_TIMES, STIFFENING_INCREMENTS = 5.0, 50  # as in yade_scripts/start.py
+END = "end.restart"  # the state that a stage leaves for the next one
+RAMP, REST = 1.0, 6.0  # inertial times of a probe's increment and of the rest after it
+
+
+@dataclass(frozen=True)
+class Start:
+    """The state that a run starts from: number of grains, their median mass (kg), mu, shear modulus (Pa), height (m).
+
+    at_rest: it is a probe's with mu_s, G_p and sigma_3 of this run, so that its own proof of equilibrium holds.
+    """
+
+    N: int
+    mass: float
+    mu: float
+    G: float
+    height: float
+    at_rest: bool
+
+
+def consolidation(p: SimpleNamespace, grains: str, mass: np.ndarray, dt: float) -> str:
+    """From the assembly (no contacts) to equilibrium at sigma_3 with friction mu_iso; mass (N,) kg, dt in s."""
+    m, time = float(np.median(mass)), scene.inertial_time(p)
+    G, rate = p.G_p * p.stiffness_scale, COMPRESSION_I / time
+    rates = dict.fromkeys(AXES, f"-{rate:.9g}")
+    change = scene.z_limit(len(mass))
+    moves = " ".join(f"{axis} trate -{rate:.9g}" for axis in AXES)
+    return f"""# {p.run_id}: {len(mass)} spheres, isotropic consolidation to {p.sigma_3 / 1e3:g} kPa
+{scene.settings(p, f"read_data {grains}")}
+{scene.law(p, p.mu_iso, G, scene.damping(p, m, G))}
+{scene.engines(dt)}
+
+# shrink the cell at a constant rate until the grains carry a tenth of sigma_3
+{scene.stream(rates)}
+fix cell all deform 1 {moves} remap v units box
+fix touched all halt 100 v_pressure > {TOUCH * p.sigma_3:.9g} error continue
+run {math.ceil(1.0 / rate / dt)}
+unfix touched
+unfix cell
+{scene.stream(rates, -1)}
+
+# hand over to the servo and raise its goal to sigma_3
+variable begin equal $(v_pressure:%.12g)
+variable goal equal ramp(v_begin,{p.sigma_3:.12g})
+variable length_0 equal $(lz:%.17g)
+{scene.servo(p, G, dt)}
+{scene.samples(2000)}
+{scene.run(math.ceil(RAMP_TIMES * time / dt))}
+
+# hold it until equilibrium is proven
+variable goal equal {p.sigma_3:.12g}
+{scene.drag(p, m)}
+{scene.coming_to_rest(p, dt, CONSOLIDATION_WINDOW, MOST_WINDOWS, CONSOLIDATION_QUIET, change, "settled")}
+{scene.snapshot("end")}
+write_restart {END}
+"""
+
+
+def probe(p: SimpleNamespace, start: Start, restart: str, dt: float) -> dict[str, str]:
+    """The scripts of a probe: the packing at rest with its own mu_s and G_p, then each increment from that state.
+
+    Each is a run of its own, because LAMMPS' `clear` ends in a crash after a restart was written.
+    """
+    time, m = scene.inertial_time(p), start.mass
+    ramp, rest = math.ceil(RAMP * time / dt), math.ceil(REST * time / dt)
+    begin = f"""{scene.law(p, p.mu_s, p.G_p, scene.damping(p, m, p.G_p))}
+{scene.engines(dt)}
+{scene.drag(p, m)}"""
+    rest_script = f"""# {p.run_id}: {start.N} spheres, the state at rest from which the probe's increments start
+{scene.settings(p, f"read_restart {restart}")}
+reset_timestep 0
+{_to_rest(p, start, p.G_p, dt, PROBE_QUIET)}
+
+run {rest}
+{scene.snapshot("start")}
+print "RESPONSE none {scene.STRESS}"
+write_restart {END}
+"""
+    increments = {
+        name: f"""# {p.run_id}: a small strain from the state at rest: {name}
+{scene.settings(p, f"read_restart {END}")}
+{begin}
+{_increment(p.probe_strain * np.array(direction), ramp, dt)}
+run {rest}
+run 0
+print "RESPONSE {name} {scene.STRESS}"
+"""
+        for name, direction in DIRECTIONS.items()
+    }
+    return {"in": rest_script} | increments
+
+
+def _increment(strain: np.ndarray, ramp: int, dt: float) -> str:
+    """Commands that deform the cell by a strain (3,), compression positive, within so many steps."""
+    lines, rates = [], {a: f"{-e / (ramp * dt):.12g}" for a, e in zip(AXES, strain, strict=True)}
+    for axis, e in zip(AXES, strain, strict=True):
+        lines += [
+            f"variable growth_{axis} equal ramp(0,$(l{axis}*{math.expm1(-e):.17g}:%.17g))",
+            f"variable velocity_{axis} equal {rates[axis]}*l{axis}",
+        ]
+    moves = " ".join(f"{axis} variable v_growth_{axis} v_velocity_{axis}" for axis in AXES)
+    return "\n".join([
+        *lines, scene.stream(rates), f"fix cell all deform 1 {moves} remap v units box",
+        f"run {ramp}", "unfix cell", scene.stream(rates, -1),
+    ])  # fmt: skip
+
+
+def _to_rest(p: SimpleNamespace, start: Start, G: float, dt: float, quiet: float) -> str:
+    """Commands that give a packing mu_s and the shear modulus G (Pa) and bring it to rest under sigma_3.
+
+    The modulus is led to its value at constant stress and with the friction of consolidation; a sudden change would
+    multiply the stress.
+    """
+    m, time = start.mass, scene.inertial_time(p)
+    before, after = (2.0 * g * (1.0 + p.nu) for g in (start.G, G))
+    resist = scene.damping(p, m, max(start.G, G))
+    lines = [
+        scene.law(p, start.mu, start.G, resist), scene.engines(dt),
+        f"variable goal equal {p.sigma_3:.12g}", scene.servo(p, max(start.G, G), dt), scene.drag(p, m),
+    ]  # fmt: skip
+    if abs(after / before - 1.0) >= 1e-3:
+        growth = math.log(after / before) / STIFFENING_INCREMENTS
+        steps = math.ceil(STIFFENING_TIMES * time / dt / STIFFENING_INCREMENTS)
+        lines += [
+            "", "# lead Young's modulus to this run's", f"variable k loop {STIFFENING_INCREMENTS}", "label stiffer",
+            f"variable young equal $({before:.12g}*exp({growth:.12g}*v_k):%.12g)",
+            scene.law(p, start.mu, "young", resist), scene.run(steps), "next k", "jump SELF stiffer",
+        ]  # fmt: skip
+    return "\n".join([
+        *lines, "", "# take on mu_s, and hold sigma_3 until equilibrium is proven", scene.law(p, p.mu_s, G, resist),
+        scene.coming_to_rest(p, dt, PROBE_WINDOW, MOST_REST_WINDOWS, quiet, scene.z_limit(start.N), "settled"),
+        scene.RELEASE,
+    ])  # fmt: skip
+
+
+def shear(p: SimpleNamespace, start: Start, restart: str, dt: float, strains: list[float]) -> str:
+    """Drained triaxial compression along z from the packing at rest, with a snapshot at each of the strains."""
+    G, rate = p.G_p * p.stiffness_scale, strain_rate(p)
+    period = sampling_period(p, dt)
+    most = 3 * math.ceil(p.strain_end / rate / dt)  # never reached: the rate grows with p'
+    head = [f"# {p.run_id}: {start.N} spheres, drained triaxial compression along z",
+            scene.settings(p, f"read_restart {restart}"), "reset_timestep 0"]  # fmt: skip
+    if start.at_rest:
+        head += [scene.law(p, p.mu_s, G, 0.0), scene.engines(dt)]
+    else:
+        head += [_to_rest(p, start, G, dt, CONSOLIDATION_QUIET), "unfix drag", scene.law(p, p.mu_s, G, 0.0)]
+    segments = []
+    for k, strain in enumerate([*strains, p.strain_end]):
+        name = "end" if k == len(strains) else f"strain_{k}"
+        segments += [
+            f"fix reached all halt {period} v_eps_a >= {strain:.12g} error continue", scene.run(most),
+            "unfix reached", scene.snapshot(name),
+        ]  # fmt: skip
+    return "\n".join([
+        *head, "", scene.snapshot("start"), "",
+        "# the grains start with the cell's own motion; sigma_3 is held on x and y", "reset_timestep 0",
+        "variable length_0 equal $(lz:%.17g)",
+        f"variable goal equal {p.sigma_3:.12g}", scene.stream({"z": f"-{rate:.12g}"}), scene.servo(p, G, dt, rate),
+        scene.samples(period), scene.contacts(contact_samples(start.N) * period),
+        f"fix blow_up all halt 100 v_pressure > {BLOW_UP * p.sigma_3:.9g} error hard", "", *segments, "",
+    ])  # fmt: skip
+
+
+def strain_rate(p: SimpleNamespace) -> float:
+    """Axial strain rate (1/s) at p' = sigma_3."""
+    return effective_inertial_number(p.inertial_number, p.mu_s) / scene.inertial_time(p)
+
+
+def sampling_period(p: SimpleNamespace, dt: float) -> int:
+    """Steps between two samples: twenty in the typical (median) window, never more often than each tenth step."""
+    widths = np.diff(window_edges(p.strain_end, p.windows), prepend=0.0)
+    return max(10, round(float(np.sort(widths)[len(widths) // 2]) / strain_rate(p) / dt / SAMPLES_PER_WINDOW))
+
+
+def contact_samples(N: int) -> int:
+    """Samples from one list of contacts to the next, so that a file of them stays below a gigabyte."""
+    return max(CONTACT_SAMPLES, round(CONTACT_SAMPLES * N / MANY_GRAINS))
+
+
+def window_edges(strain_end: float, windows: int | str = "default") -> np.ndarray:
+    """Strains at which output windows end, as in yade_scripts/record.py."""
+    if windows != "default":
+        return np.linspace(0.0, strain_end, int(windows) + 1)[1:]
+    edges = np.concatenate([np.arange(1, 10) * 1e-3, 0.01 + np.arange(16) * 2.5e-3, np.arange(0.05, 2.5, 5e-3)])
+    return np.append(edges[edges < strain_end - 1e-9], strain_end)
