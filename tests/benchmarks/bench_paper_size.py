@@ -1,12 +1,13 @@
-"""One specimen of the paper's size in LAMMPS, medium density, one point: Table 3, peak, critical state, rate, MPI.
+"""Specimens of the paper's size in LAMMPS: Table 3 at three densities; peak, critical state, rate and MPI at one point.
 
-    /usr/bin/python3 tests/benchmarks/bench_paper_size.py [N]        default 23,312 spheres; 30 minutes of CPU
+    /usr/bin/python3 tests/benchmarks/bench_paper_size.py [N]        default 23,312 spheres; 35 minutes of CPU
     /usr/bin/python3 tests/benchmarks/bench_paper_size.py ranks      1 and 2 MPI ranks to 2 % strain, on two free cores
     /usr/bin/python3 tests/benchmarks/bench_paper_size.py table      what the rows say
 
-Consolidation and probe, then shear from the same state: to 40 % strain at the inertial number of a campaign, and to 5 %
-at a lower one and at the paper's. Rows of data/benchmarks/paper_size.csv: a run each, with its states, costs and the
-curve at six strains. `seconds` is elapsed time, which depends on what else the machine does.
+Consolidation at three densities; at the medium one a probe, then shear from the same state: to 40 % strain at the
+inertial number of a campaign, and to 5 % at a lower one and at the paper's. Rows of data/benchmarks/paper_size.csv: a
+run each, with its states, costs and the curve at six strains. `seconds` is elapsed time, which depends on what else
+the machine does.
 """
 
 from __future__ import annotations
@@ -33,12 +34,13 @@ from tests.benchmarks.bench_rows import append, finished  # noqa: E402
 
 TABLE = ROOT / "data" / "benchmarks" / "paper_size.csv"
 PAPER_N, MU_ISO, MU_S, G_P, G_REF = 23312, 0.04, 0.214, 25.7e9, 25.7e9
+DENSITIES = (MU_ISO, 0.1, 0.001)
 #: Inertial number and last strain of the shear runs; the last rate is the paper's.
 SHEARS = ((2.4e-3, 0.40), (1e-3, 0.05), (1e-4, 0.05))
 RANKS_STRAIN = 0.02
 STRAINS = (0.005, 0.01, 0.02, 0.03, 0.04, 0.048)
 INITIAL = ("e", "e_m", "Z", "Z_m")
-KEYS = ("stage", "N", "inertial_number", "strain_end", "ranks", "scripts")
+KEYS = ("stage", "N", "mu_iso", "inertial_number", "strain_end", "ranks", "scripts")
 STATES = tuple(f"{symbol}_{state}" for state in ("peak", "critical") for symbol in ("eta", *INITIAL))
 CURVE = tuple(f"{symbol}_{strain:g}" for symbol in ("eta", "Z") for strain in STRAINS)
 COLUMNS = (*KEYS, "failed", "cpu_seconds", "seconds", "steps", *INITIAL, "G_0", "K_0", *STATES, "eps_peak", *CURVE)
@@ -55,27 +57,29 @@ def main(*arguments: str) -> int:
     if arguments == ("ranks",):
         return sum(row("shear", PAPER_N, 2.4e-3, RANKS_STRAIN, ranks) for ranks in (1, 2)) and 1
     N = int(arguments[0]) if arguments else PAPER_N
-    failed = sum(row(stage, N, 0.0, 0.0) for stage in ("consolidate", "probe"))
-    return (failed + sum(row("shear", N, *shear) for shear in SHEARS)) and 1
+    failed = row("consolidate", N, 0.0, 0.0) + row("probe", N, 0.0, 0.0)
+    failed += sum(row("shear", N, *shear) for shear in SHEARS)
+    return (failed + sum(row("consolidate", N, 0.0, 0.0, mu_iso=mu_iso) for mu_iso in DENSITIES)) and 1
 
 
-def row(stage: str, N: int, inertial_number: float, strain_end: float, ranks: int = 1) -> bool:
+def row(stage: str, N: int, inertial_number: float, strain_end: float, ranks: int = 1, mu_iso: float = MU_ISO) -> bool:
     """Add the row of one run unless it is there; whether it failed."""
-    keys = dict(zip(KEYS, (stage, N, inertial_number, strain_end, ranks, lammps_runs.scripts()), strict=True))
+    values = (stage, N, mu_iso, inertial_number, strain_end, ranks, lammps_runs.scripts())
+    keys = dict(zip(KEYS, values, strict=True))
     if tuple(f"{v:.6g}" if isinstance(v, float) else str(v) for v in keys.values()) in finished(TABLE, KEYS):
         return False
     try:
-        found = measured(product(stage, N, inertial_number, strain_end, ranks))
+        found = measured(product(stage, N, inertial_number, strain_end, ranks, mu_iso))
     except dem_runs.RunFailed as error:
         found = {"failed": str(error)}
     append(TABLE, COLUMNS, keys | found)
     return "failed" in found
 
 
-def product(stage: str, N: int, inertial_number: float, strain_end: float, ranks: int) -> Path:
+def product(stage: str, N: int, inertial_number: float, strain_end: float, ranks: int, mu_iso: float) -> Path:
     """The product of a run, with those of the runs that it starts from."""
     os.environ["BENCH_RANKS"] = "1"
-    first = lammps_runs.run("consolidate", assembly=dem_runs.assembly(N, 1), mu_iso=MU_ISO, G_p=G_REF, seed=1)
+    first = lammps_runs.run("consolidate", assembly=dem_runs.assembly(N, 1), mu_iso=mu_iso, G_p=G_REF, seed=1)
     if stage == "consolidate":
         return first
     probe = lammps_runs.run("probe", start=first, mu_s=MU_S, G_p=G_P)
@@ -120,11 +124,11 @@ def sheared(run: Run) -> dict:
 def table(rows: pd.DataFrame) -> None:
     """Print the initial state beside the paper's Table 3, states, rates beside each other, and the gain of ranks."""
     rows = rows[rows["failed"].isna()]
-    first = rows[rows["stage"] == "consolidate"].iloc[-1]
-    for symbol in INITIAL:
-        mean, scatter = published.INITIAL_STATE[symbol, MU_ISO]
-        off = 100 * (first[symbol] / mean - 1)
-        print(f"{symbol}: {first[symbol]:.4f}, the paper {mean} ± {scatter} ({off:+.1f} %)")
+    for first in rows[rows["stage"] == "consolidate"].to_dict("records"):
+        for symbol in INITIAL:
+            mean, scatter = published.INITIAL_STATE[symbol, first["mu_iso"]]
+            print(f"mu_iso = {first['mu_iso']:g}, {symbol}: {first[symbol]:.4f}, the paper {mean} ± {scatter} "
+                  f"({100 * (first[symbol] / mean - 1):+.1f} %)")  # fmt: skip
     shear = rows[rows["stage"] == "shear"]
     columns = [*KEYS[1:5], "cpu_seconds", "seconds", "steps", *STATES]
     print(shear[columns].dropna(axis=1, how="all").to_string(index=False))
