@@ -1,6 +1,6 @@
 """Only G_p / sigma_3 matters: a sweep of sigma_3 beside the equivalent sweep of G_p, by the `sweep` command.
 
-    python3 tests/benchmarks/bench_scaling.py            about 16 minutes of CPU; resumable
+    python3 tests/benchmarks/bench_scaling.py            about 15 minutes of CPU; resumable
     python3 tests/benchmarks/bench_scaling.py --table    compares the tables that are there
 
 sigma_3 is 25, 100 and 400 kPa with G_p as measured. In the other sweep G_p is 4, 1 and 1/4 times as large at 100 kPa,
