@@ -20,7 +20,17 @@ from pathlib import Path
 from campaign.config import INSTALL_LAMMPS, INSTALL_YADE, ROOT, Config, places
 from campaign.estimate import estimate
 from campaign.files import say_once, write_text
-from campaign.folder import OWNER, RunError, folder_lock, holder, is_locked, open_plain, write_failure
+from campaign.folder import (
+    OWNER,
+    SCRIPTS,
+    RunError,
+    clear_scripts,
+    folder_lock,
+    holder,
+    is_locked,
+    open_plain,
+    write_failure,
+)
 from campaign.plan import STAGES, PlannedRun, script, yade_table
 from campaign.products import RunStatus, clear_the_way, run_statuses, set_aside, write_blocked
 from campaign.progress import Progress, progress_line, span
@@ -49,6 +59,7 @@ def run_missing(
     with folder_lock(folder, "products", "logs", "batch"):
         statuses, missing = clear_the_way(folder, rows, again=again, spared=spared)
         _remove_leftovers(folder)
+        _clear_scripts_of_killed_runs(folder)
         if not missing:
             return 0
         _check_machine(folder, missing, config)
@@ -81,6 +92,8 @@ def _check_machine(folder: Path, missing: Sequence[PlannedRun], config: Config) 
     for program, advice in programs.items():
         if shutil.which(program) is None:
             raise RunError(f"{program}: no such program; {advice}")
+    if config.run.ranks > (cores := len(os.sched_getaffinity(0))):
+        raise RunError(f"run.ranks = {config.run.ranks} exceeds the {cores} cores of this machine; use fewer ranks")
     need = len(missing) * config.assembly.N * BYTES_PER_GRAIN + FREE_BYTES
     free = shutil.disk_usage(folder).free
     if free < need:
@@ -105,6 +118,13 @@ def _remove_leftovers(folder: Path) -> None:
             shutil.rmtree(path, ignore_errors=True)
         else:
             path.unlink(missing_ok=True)
+
+
+def _clear_scripts_of_killed_runs(folder: Path) -> None:
+    """Remove what killed runs in LAMMPS had written beside their scripts, which may be as large as a gigabyte."""
+    for path in sorted((folder / "products").glob(f"[!.]*{SCRIPTS}")):
+        if path.is_dir() and not path.is_symlink() and not is_locked(path.with_name(f".{path.stem}.lock")):
+            clear_scripts(path)
 
 
 def _hidden(folder: Path, ending: str) -> list[Path]:

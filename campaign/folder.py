@@ -23,6 +23,8 @@ SUMS = "SHA256SUMS"
 NO_LOCKS = frozenset({errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOTSUP, errno.ENOSYS})
 #: Ending of the file that stands for a lock where there are none.
 OWNER = ".owner"
+#: Folder of a run in LAMMPS: its scripts with this ending, their logs, and what they read, the grains or a state.
+SCRIPTS, READ_BY_SCRIPTS = ".lammps", ("grains.data", "start.restart")
 #: Folders that this process holds the lock of.
 _OWN: set[Path] = set()
 
@@ -231,6 +233,13 @@ def file_sum(path: Path) -> str:
         while block := file.read(1 << 20):
             digest.update(block)
     return digest.hexdigest()
+
+
+def clear_scripts(folder: Path) -> None:
+    """Remove from the folder of a run in LAMMPS what its product holds; scripts, what they read, and logs stay."""
+    for path in folder.iterdir():
+        if path.suffix not in (SCRIPTS, ".log") and path.name not in READ_BY_SCRIPTS:
+            path.unlink()
 
 
 def write_failure(products: Path, run_id: str, reason: str, log: str = "", **facts: Any) -> None:

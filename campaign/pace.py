@@ -37,9 +37,12 @@ class Pace:
 
 
 def sentence(rows: Collection[PlannedRun], folder: Path) -> str:
-    """Return what these runs cost on this machine, as a line for people; empty where the pace is not known."""
+    """Return what these runs cost on this machine, as a line for people.
+
+    Empty where the pace is not known, and for runs of two DEM codes, which have no pace in common.
+    """
     known = newest(folder, _code(rows))
-    if known is None:
+    if known is None or len({row.values.get("code") for row in rows}) > 1:
         return ""
     hours = known.core_hours(rows)
     return f"on this machine about {hours:.2g} core-hours, at the pace of {known.runs} runs in {known.folder.name}\n"
@@ -64,7 +67,7 @@ def newest(folder: Path, code: str = "yade") -> Pace | None:
         with contextlib.suppress(OSError):  # the file of another campaign cannot be read: its pace is not known
             kept = read_json(path, {})
             by_stage = kept.get("pace")
-            if (kept.get("machine"), kept.get("code")) != (machine(), code) or not isinstance(by_stage, dict):
+            if (kept.get("machine"), kept.get("code", "yade")) != (machine(), code) or not isinstance(by_stage, dict):
                 continue
             if all(_positive(by_stage.get(stage)) for stage in STAGES):
                 found.append((path.stat().st_mtime, Pace(by_stage, int(kept.get("runs", 0)), path.parent)))

@@ -319,7 +319,8 @@ def write_plan(rows: Sequence[PlannedRun], folder: Path) -> list[str]:
         stage_rows = [row for row in rows if row.stage == stage]
         command = f"yade-batch batch/{stage}.table {script(folder, stage)}"
         if any("code" in row.values for row in stage_rows):
-            command = f"YADE_BATCH=batch/{stage}.table:LINE python3 -m campaign.lammps {stage}"
+            root = os.path.relpath(ROOT, folder)
+            command = f"YADE_BATCH=batch/{stage}.table:LINE PYTHONPATH={root} python3 -m campaign.lammps {stage}"
         files[f"batch/{stage}.table"] = yade_table(stage_rows, command)
     note = folder / "tables" / "written.json"
     written, before = read_json(note, {}), {name: _digest(folder / name) for name in files}

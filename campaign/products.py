@@ -357,6 +357,9 @@ def inspect_product(path: Path, row: PlannedRun) -> tuple[str, dict[str, Any]]:
             if head.get(name) != planned:
                 return f"belongs to another plan: {name} = {head.get(name)!r}, planned {planned!r}", {}
         parameters = dict(file["parameters"].attrs)
+        code, planned_code = str(head.get("code", "yade")), row.values.get("code", "yade")
+        if code != planned_code:
+            return f"belongs to another plan: code = {code!r}, planned {planned_code!r}", {}
         if reason := _mismatch(parameters, row):
             return reason, {}
         record = file.get("record", {})

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from campaign.files import write_text
-from campaign.folder import SUMS, folder_lock
+from campaign.folder import SCRIPTS, SUMS, folder_lock
 from campaign.plan import PlannedRun
 from campaign.products import run_statuses, stale
 
@@ -29,9 +29,10 @@ def prune_products(folder: Path, rows: Sequence[PlannedRun], *, remove: bool) ->
         files = prunable(folder, rows)
         text = _listed(folder, files)
         for path in files:
-            path.unlink()
-            if path.suffix == ".h5" and path.parent.name == "products":  # the scripts of a run in LAMMPS
-                shutil.rmtree(path.with_suffix(".lammps"), ignore_errors=True)
+            if path.suffix == SCRIPTS:
+                shutil.rmtree(path, ignore_errors=True)
+            else:
+                path.unlink()
         _forget_sums(folder / "products")
     return text + ("\nremoved" if files else "")
 
@@ -49,6 +50,9 @@ def prunable(folder: Path, rows: Sequence[PlannedRun]) -> dict[Path, str]:
         for path in sorted(products.glob(f"[!.]*{ending}")):
             if path.name.removesuffix(ending) not in planned:
                 found.setdefault(path, "stale: left by a run of earlier settings")
+    for path in sorted(products.glob(f"[!.]*{SCRIPTS}")):
+        if path.name.removesuffix(SCRIPTS) not in planned and path.is_dir() and not path.is_symlink():
+            found[path] = "stale: the scripts of a run of earlier settings"
     for status in run_statuses(folder, rows).values():
         if status.status == "refused":
             found[products / f"{status.run_id}.h5"] = f"refused: {status.reason}"
@@ -59,8 +63,9 @@ def prunable(folder: Path, rows: Sequence[PlannedRun]) -> dict[Path, str]:
 
 def _listed(folder: Path, files: dict[Path, str]) -> str:
     lines = [f"{os.path.relpath(path, folder)}: {reason}" for path, reason in files.items()]
-    size = sum(path.stat().st_size for path in files) / 2**20
-    return "\n".join([*lines, f"{folder.name}: {len(files)} files, {size:.1f} MiB"])
+    every = [file for path in files for file in (path.iterdir() if path.suffix == SCRIPTS else [path])]
+    size = sum(path.stat().st_size for path in every) / 2**20
+    return "\n".join([*lines, f"{folder.name}: {len(every)} files, {size:.1f} MiB"])
 
 
 def _forget_sums(products: Path) -> None:

@@ -288,9 +288,9 @@ def _remove_folder(place: Path) -> None:
     shutil.rmtree(place, ignore_errors=True)
 
 
-def die_with_parent() -> None:
-    """In a child process before it starts: ask Linux to kill it when its parent ends."""
-    ctypes.CDLL(None).prctl(1, signal.SIGKILL)
+def die_with_parent(number: int = signal.SIGKILL) -> None:
+    """In a child process before it starts: ask Linux to send it this signal, which kills it, when its parent ends."""
+    ctypes.CDLL(None).prctl(1, number)
 
 
 def _end(child: subprocess.Popen) -> None:
@@ -336,15 +336,31 @@ def _cpu_seconds(pid: int) -> tuple[float, bool]:
     On a busy machine a process that waits is no hang. What an ended child has used counts for its parent.
     """
     try:
-        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-        children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+        fields = _stat(pid)
     except OSError:
         return 0.0, False
     used, waits = sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK"), fields[0] == "R"
-    for child in children:
-        of_child, child_waits = _cpu_seconds(int(child))
+    for child in _children(pid):
+        of_child, child_waits = _cpu_seconds(child)
         used, waits = used + of_child, waits or child_waits
     return used, waits
+
+
+def _stat(pid: int) -> list[str]:
+    """What Linux states of a process from its state on. Raises OSError if there is no such process."""
+    return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+
+
+def _children(pid: int) -> list[int]:
+    """The processes that a process has started; not every Linux kernel lists them, and then all are asked."""
+    with contextlib.suppress(OSError):
+        return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+    found = []
+    for path in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            if int(_stat(int(path.name))[1]) == pid:
+                found.append(int(path.name))
+    return found
 
 
 def _signal(code: int) -> int:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 import os
+import shutil
 import sys
 import time
 import traceback
@@ -16,12 +17,12 @@ from typing import Any
 
 from analysis.assembly import AssemblyError
 from analysis.errors_and_files import GrainScatterError
-from campaign.folder import write_failure
+from campaign.folder import clear_scripts, write_failure
 from campaign.lammps import protocol
 from campaign.lammps.outputs import LammpsError
 from campaign.lammps.product import StartError, is_complete
-from campaign.lammps.runner import MachineError
-from campaign.run_one import ENVIRONMENT, FAILED, OK, read_task
+from campaign.lammps.runner import RESTLESS, MachineError
+from campaign.run_one import ENVIRONMENT, FAILED, FREE_BYTES, OK, read_task
 
 #: Parameters that a table may leave out, SI units; the names and values of yade_scripts/stage.py.
 COMMON = {
@@ -39,7 +40,17 @@ ONLY = {"path": "drained", "direction": "compression", "damping": 0.0, "heteroge
 def main(stage: str) -> int:
     """Run the row that YADE_BATCH names (TABLE:LINE); returns OK, FAILED, or ENVIRONMENT if the machine failed."""
     table, _, line = os.environ.get("YADE_BATCH", "").rpartition(":")
-    task = read_task(Path(table), int(line))
+    try:
+        if stage not in protocol.STAGES:
+            raise ValueError(f"stage {stage!r} is none of {', '.join(protocol.STAGES)}")
+        if not line.isdigit():
+            raise ValueError(f"YADE_BATCH = {os.environ.get('YADE_BATCH', '')!r} names no TABLE:LINE")
+        task = read_task(Path(table), int(line))
+        if (code := task.text("code") or "yade") != "lammps":
+            raise ValueError(f"{table}: line {line} has code = {code!r}, so that its product is not for LAMMPS to make")
+    except (ValueError, OSError) as error:
+        print(f"campaign.lammps: {error}", file=sys.stderr)
+        return ENVIRONMENT
     cells = {k: _value(v) for k, v in task.cells.items()}
     p = SimpleNamespace(**COMMON | cells, stage=stage, started=time.time(), run_id=task.text("description"))
     del p.description
@@ -60,18 +71,23 @@ def main(stage: str) -> int:
         print(f"{p.run_id}: {error}", flush=True)
         return ENVIRONMENT
     except (LammpsError, StartError, AssemblyError, GrainScatterError, OSError) as error:
-        return _failed(p, str(error))
+        return _failed(p, str(error), folder)
     except Exception as error:  # a bug: state it too, with the traceback in the log
         traceback.print_exc()
-        return _failed(p, f"{type(error).__name__}: {error}")
+        return _failed(p, f"{type(error).__name__}: {error}", folder)
     finally:
         if folder is not None:
-            protocol.clear(folder)
+            clear_scripts(folder)
 
 
-def _failed(p: SimpleNamespace, reason: str) -> int:
+def _failed(p: SimpleNamespace, reason: str, folder: Path | None) -> int:
+    """State a failure; on a full disk, which LAMMPS does not notice, it is the machine's. folder: what LAMMPS wrote."""
+    if folder is not None and shutil.disk_usage(folder).free < FREE_BYTES // 4:
+        print(f"{p.run_id}: no space left on the disk; then: {reason}", flush=True)
+        return ENVIRONMENT
     print(f"{p.run_id}: failed: {reason}", file=sys.stderr)
-    write_failure(Path(p.product).parent, p.run_id, reason, log=f"logs/{p.run_id}.log")
+    facts = {"retry": True} if reason.startswith(RESTLESS) else {}  # so it ends, too, if the time step is too large
+    write_failure(Path(p.product).parent, p.run_id, reason, log=f"logs/{p.run_id}.log", **facts)
     return FAILED
 
 
@@ -104,4 +120,4 @@ def _check(p: SimpleNamespace) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1]))
+    sys.exit(main(" ".join(sys.argv[1:])))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -22,7 +23,7 @@ class LammpsError(RuntimeError):
 
 def read_samples(path: Path) -> dict[str, np.ndarray]:
     """Columns of the samples by name, each (T,), with `step`; raises LammpsError where a value is not finite."""
-    rows = np.loadtxt(path, ndmin=2)
+    rows = _table(path.name, path.read_text().splitlines())
     if rows.size == 0:
         raise LammpsError(f"{path.name} holds no sample")
     data = dict(zip(("step", *SAMPLES), rows.T, strict=True))
@@ -45,8 +46,21 @@ def _tensors(samples: dict[str, np.ndarray], name: str) -> np.ndarray:
     return np.stack([np.stack([samples[f"{name}_{min(a + b, b + a)}"] for b in "xyz"], -1) for a in "xyz"], -2)
 
 
+def _table(name: str, lines: list[str]) -> np.ndarray:
+    """Numbers in the lines of a file (R, C); raises LammpsError where the file of that name was not written whole."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of a file without lines
+            return np.loadtxt(lines, ndmin=2)
+    except ValueError as error:
+        raise LammpsError(f"{name} is not whole: {' '.join(str(error).split())}") from None
+
+
 def contact_lists(path: Path) -> Iterator[tuple[int, np.ndarray]]:
-    """Step and contacts (C, 9) in the columns CONTACTS of every entry of a dump file."""
+    """Step and contacts (C, 9) in the columns CONTACTS of every entry of a dump file.
+
+    Raises LammpsError where the file was not written whole.
+    """
     with open(path) as file:
         while line := file.readline():
             if line.startswith("ITEM: TIMESTEP"):
@@ -54,8 +68,11 @@ def contact_lists(path: Path) -> Iterator[tuple[int, np.ndarray]]:
             elif line.startswith("ITEM: NUMBER OF ENTRIES"):
                 count = int(file.readline())
             elif line.startswith("ITEM: ENTRIES"):
-                text = "".join(file.readline() for _ in range(count))
-                yield step, np.fromstring(text, sep=" ").reshape(count, len(CONTACTS))
+                lines = [file.readline() for _ in range(count)]
+                rows = _table(path.name, lines)
+                if count and (rows.shape != (count, len(CONTACTS)) or not lines[-1].endswith("\n")):
+                    raise LammpsError(f"{path.name} is not whole: it ends within the list of step {step}")
+                yield step, rows.reshape(count, len(CONTACTS))
 
 
 def read_snapshot(
@@ -66,9 +83,10 @@ def read_snapshot(
     Raises LammpsError unless the stress from the contacts is LAMMPS' own.
     """
     grains = (folder / f"{name}.grains").read_text().splitlines()
-    bounds = np.array([line.split()[:2] for line in grains[5:8]], float)
-    table = np.loadtxt(grains[9:], ndmin=2)
-    _, rows = next(contact_lists(folder / f"{name}.contacts"))
+    bounds, table = (_table(f"{name}.grains", lines) for lines in (grains[5:8], grains[9:]))
+    _, rows = next(contact_lists(folder / f"{name}.contacts"), (0, np.empty(0)))
+    if len(table) != p.N or not len(rows):
+        raise LammpsError(f"snapshot {name} is not whole: {len(table)} of {p.N} grains, {len(rows)} contacts")
     radius, cell = table[:, 1], np.diag(bounds[:, 1] - bounds[:, 0])
     ids = rows[:, :2].astype(np.int64) - 1
     swapped = ids[:, 0] > ids[:, 1]

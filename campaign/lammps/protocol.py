@@ -14,6 +14,7 @@ from analysis.assembly import read_assembly
 from analysis.micromechanics.snapshot import Snapshot
 from analysis.runs.gate import PROOF_LIMITS
 from analysis.runs.run_file import read_snapshot as read_product_snapshot
+from campaign.folder import READ_BY_SCRIPTS, SCRIPTS, clear_scripts
 from campaign.lammps import packing, stages
 from campaign.lammps.outputs import LammpsError, contact_lists, proofs, read_samples, read_snapshot
 from campaign.lammps.product import Product, read_start
@@ -23,7 +24,8 @@ from campaign.lammps.runner import run_lammps, version
 
 #: What a run takes from its start, as YADE's stages do: the packing decides.
 INHERITED = ("N", "sigma_ln", "seed", "mu_iso", "assembly")
-GRAINS, DENSEST, EDGE_LIMIT = "grains.data", 0.68, 2.1  # as in yade_scripts/consolidate.py
+GRAINS, START = READ_BY_SCRIPTS
+DENSEST, EDGE_LIMIT = 0.68, 2.1  # as in yade_scripts/consolidate.py
 
 
 def consolidate(p: SimpleNamespace, folder: Path) -> Product:
@@ -103,10 +105,10 @@ def shear(p: SimpleNamespace, folder: Path) -> Product:
             "diameters of the largest grain, so that two grains would touch twice"
         )
     G = p.G_p * p.stiffness_scale
-    dt = (stages.STEP if start.at_rest else stages.DAMPED_STEP) * step * min(1.0, start.G / G) ** (1.0 / 3.0)
     strains = sorted(float(part) for part in str(p.snapshots).split(",") if part.strip())
-    product, log = run_scripts(p, folder, {"in": stages.shear(p, start, restart, dt, strains)}, dt,
-                               ("samples.txt", "contacts.txt", "end.contacts"))  # fmt: skip
+    script, dt = stages.shear(p, start, restart, step, strains)
+    wanted = ("samples.txt", "contacts.txt", "end.contacts")
+    product, log = run_scripts(p, folder, {"in": script}, dt, wanted)
     first, _ = read_snapshot(folder, "start", p, G, 0.0, log)
     samples = read_samples(folder / "samples.txt")
     if (reached := float(samples["eps_a"][-1])) < p.strain_end:
@@ -136,7 +138,7 @@ def _begin(p: SimpleNamespace, folder: Path) -> tuple[stages.Start, str, float]:
     for name in INHERITED:
         if name in origin:
             setattr(p, name, origin[name])
-    restart = "start.restart"
+    restart = START
     (folder / restart).write_bytes(state)
     s: Snapshot = read_product_snapshot(p.start, "end" if origin["stage"] == "consolidate" else "start")
     p.N, p.d_max = s.N, 2.0 * float(s.radius.max())
@@ -147,12 +149,14 @@ def _begin(p: SimpleNamespace, folder: Path) -> tuple[stages.Start, str, float]:
         )
     mass = packing.masses(s.radius, p.rho, bool(p.density_scaling))
     probed = origin["stage"] == "probe"
-    at_rest = probed and all(origin[k] == getattr(p, k) for k in ("mu_s", "G_p", "stiffness_scale", "sigma_3"))
+    at_rest = probed and all(origin[k] == getattr(p, k) for k in ("mu_s", "G_p", "stiffness_scale", "nu", "sigma_3"))
     start = stages.Start(
         N=s.N, mass=float(np.median(mass)), mu=origin["mu_s" if probed else "mu_iso"],
-        G=origin["G_p"] * origin["stiffness_scale"], height=float(s.cell[2, 2]), at_rest=at_rest,
+        G=origin["G_p"] * origin["stiffness_scale"] * (1.0 - p.nu) / (1.0 - origin["nu"]),
+        height=float(s.cell[2, 2]), at_rest=at_rest,
     )  # fmt: skip
-    return start, restart, p.timestep_factor * packing.stable_step(s, mass)
+    stiffer = max(1.0, p.sigma_3 / origin["sigma_3"]) ** (1.0 / 3.0)  # contacts at this run's stress
+    return start, restart, p.timestep_factor * packing.stable_step(s, mass) / math.sqrt(stiffer)
 
 
 def run_scripts(
@@ -182,19 +186,12 @@ def finish(product: Product, folder: Path) -> None:
     own = resource.getrusage(resource.RUSAGE_SELF)
     product.cpu_seconds += own.ru_utime + own.ru_stime
     product.write()
-    clear(folder)
-
-
-def clear(folder: Path) -> None:
-    """Remove from a run's folder what the product holds; the script, what it reads and the log stay."""
-    for path in folder.iterdir():
-        if path.suffix not in (".lammps", ".log") and path.name not in (GRAINS, "start.restart"):
-            path.unlink()
+    clear_scripts(folder)
 
 
 def make_folder(p: SimpleNamespace) -> Path:
     """A new folder of the run beside its product, for the script and its output."""
-    folder = Path(p.product).with_suffix(".lammps")
+    folder = Path(p.product).with_suffix(SCRIPTS)
     if folder.exists():
         shutil.rmtree(folder)
     folder.mkdir(parents=True)

@@ -8,12 +8,15 @@ import resource
 import shutil
 import signal
 import subprocess
+from functools import partial
 from pathlib import Path
 
 from campaign.config import INSTALL_LAMMPS
 from campaign.lammps.outputs import LammpsError
-from campaign.run_one import die_with_parent
+from campaign.run_one import CRASHES, die_with_parent
 
+#: How the reason begins of a run whose packing did not come to rest.
+RESTLESS = "no equilibrium in the windows allowed"
 _STRIPPED = ("OMPI_", "PMIX_")
 
 
@@ -46,9 +49,11 @@ def run_lammps(folder: Path, name: str, ranks: int) -> tuple[str, float]:
         if shutil.which(needed) is None:
             raise MachineError(f"{needed}: no such program on this machine; {INSTALL_LAMMPS}")
     env = {k: v for k, v in os.environ.items() if not k.startswith(_STRIPPED)} | {"OMP_NUM_THREADS": "1"}
+    # mpirun removes what its ranks share in memory only if it is asked to end; killed, it leaves 4 MiB for each
+    end = signal.SIGKILL if ranks == 1 else signal.SIGTERM
     before = _cpu_of_children()
     ended = subprocess.run(words, cwd=folder, env=env, stdin=subprocess.DEVNULL, capture_output=True, text=True,
-                           errors="replace", preexec_fn=die_with_parent, check=False)  # fmt: skip
+                           errors="replace", preexec_fn=partial(die_with_parent, end), check=False)  # fmt: skip
     path = folder / f"{name}.log"
     log = path.read_text(errors="replace") if path.exists() else ""
     said = ended.stdout + ended.stderr
@@ -63,11 +68,17 @@ def machine_fault(code: int, said: str, ranks: int) -> str:
     """What the machine did to a run that ended with this exit code and these words, in one line; "" if nothing."""
     if re.search(r"(?i)not enough slots|all nodes which are allocated", said):
         return f"mpirun: not enough slots for run.ranks = {ranks} on this machine; use fewer ranks"
-    by_mpirun = re.search(r"exited on signal (\d+)", said)
-    number = int(by_mpirun[1]) if by_mpirun else -code if code < 0 else code - 128 if code > 128 else 0
-    if number in (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+    number = ended_by(code, said)
+    if number and number not in CRASHES:
         return f"LAMMPS was killed by signal {number} ({signal.Signals(number).name})"
     return ""
+
+
+def ended_by(code: int, said: str) -> int:
+    """The signal that ended LAMMPS or one of its ranks, 0 if none did; a shell around it, and mpirun, add 128."""
+    by_mpirun = re.search(r"exited on signal (\d+)", said)
+    number = int(by_mpirun[1]) if by_mpirun else -code if code < 0 else code - 128
+    return number if number in {*signal.Signals} else 0
 
 
 def failure(code: int, log: str, said: str) -> str:
@@ -79,11 +90,11 @@ def failure(code: int, log: str, said: str) -> str:
         return f"blow-up: the mean stress exceeds 100 times sigma_3 at step {_last_step(log)}"
     if "\nNOT AT REST" in log:
         found = re.findall(r"^PROOF \w+ (.*)$", log, re.M)
-        return f"no equilibrium in the windows allowed; the last one: {found[-1] if found else 'none'}"
+        return f"{RESTLESS}; the last one: {found[-1] if found else 'none'}"
     if errors := re.findall(r"^ERROR[^:\n]*: (.*)$", text, re.M):
         return f"LAMMPS: {' '.join(errors[-1].split())}"
-    if code < 0 and -code in {*signal.Signals}:
-        return f"LAMMPS ended by signal {-code} ({signal.Signals(-code).name})"
+    if number := ended_by(code, said):
+        return f"LAMMPS ended by signal {number} ({signal.Signals(number).name})"
     return f"LAMMPS ended with status {code}" + ("" if log else " and wrote no log")
 
 

@@ -25,7 +25,7 @@ MOST_REST_WINDOWS = 60
 #: at 1.2e-5; the other probes of the default campaign ended at 1.3e-6 or less.
 CONSOLIDATION_QUIET, PROBE_QUIET = 1e-3, 1e-6
 SAMPLES_PER_WINDOW = 20  # samples in a typical window
-CONTACT_SAMPLES, MANY_GRAINS = 5, 5000  # samples between two lists of contacts; more beyond so many grains
+CONTACT_SAMPLES, MOST_LISTED = 5, 2e6  # samples between two lists of contacts; grains that all lists may hold
 BLOW_UP = 100.0  # p' over sigma_3 at which a run ends
 STIFFENING_TIMES, STIFFENING_INCREMENTS = 5.0, 50  # as in yade_scripts/start.py
 END = "end.restart"  # the state that a stage leaves for the next one
@@ -36,7 +36,8 @@ RAMP, REST = 1.0, 6.0  # inertial times of a probe's increment and of the rest a
 class Start:
     """The state that a run starts from: number of grains, their median mass (kg), mu, shear modulus (Pa), height (m).
 
-    at_rest: it is a probe's with mu_s, G_p and sigma_3 of this run, so that its own proof of equilibrium holds.
+    G: that with which grains of this run's nu are as stiff.  at_rest: it is a probe's with mu_s, G_p, nu and sigma_3 of
+    this run, so that its own proof of equilibrium holds.
     """
 
     N: int
@@ -134,11 +135,11 @@ def _increment(strain: np.ndarray, ramp: int, dt: float) -> str:
     ])  # fmt: skip
 
 
-def _to_rest(p: SimpleNamespace, start: Start, G: float, dt: float, quiet: float) -> str:
+def _to_rest(p: SimpleNamespace, start: Start, G: float, dt: float, quiet: float, softer_dt: float = 0.0) -> str:
     """Commands that give a packing mu_s and the shear modulus G (Pa) and bring it to rest under sigma_3.
 
     The modulus is led to its value at constant stress and with the friction of consolidation; a sudden change would
-    multiply the stress.
+    multiply the stress.  softer_dt: time step (s) from there on, with the damping that belongs to G.
     """
     m, time = start.mass, scene.inertial_time(p)
     before, after = (2.0 * g * (1.0 + p.nu) for g in (start.G, G))
@@ -155,6 +156,13 @@ def _to_rest(p: SimpleNamespace, start: Start, G: float, dt: float, quiet: float
             f"variable young equal $({before:.12g}*exp({growth:.12g}*v_k):%.12g)",
             scene.law(p, start.mu, "young", resist), scene.run(steps), "next k", "jump SELF stiffer",
         ]  # fmt: skip
+    if softer_dt > dt:
+        resist = scene.damping(p, m, G)
+        dt = softer_dt
+        lines += [
+            "", "# softer grains: a larger time step", scene.RELEASE,
+            scene.law(p, start.mu, G, resist), f"timestep {dt:.9g}", scene.servo(p, G, dt),
+        ]  # fmt: skip
     return "\n".join([
         *lines, "", "# take on mu_s, and hold sigma_3 until equilibrium is proven", scene.law(p, p.mu_s, G, resist),
         scene.coming_to_rest(p, dt, PROBE_WINDOW, MOST_REST_WINDOWS, quiet, scene.z_limit(start.N), "settled"),
@@ -162,9 +170,14 @@ def _to_rest(p: SimpleNamespace, start: Start, G: float, dt: float, quiet: float
     ])  # fmt: skip
 
 
-def shear(p: SimpleNamespace, start: Start, restart: str, dt: float, strains: list[float]) -> str:
-    """Drained triaxial compression along z from the packing at rest, with a snapshot at each of the strains."""
+def shear(p: SimpleNamespace, start: Start, restart: str, step: float, strains: list[float]) -> tuple[str, float]:
+    """Drained triaxial compression along z from the packing at rest, with a snapshot at each of the strains.
+
+    step: the stable time step (s) of the start.  Returns the script and the time step of shear, s.
+    """
     G, rate = p.G_p * p.stiffness_scale, strain_rate(p)
+    with_G = step * (start.G / G) ** (1.0 / 3.0)  # stiffness of contacts at constant stress ~ G^(2/3)
+    dt = STEP * with_G
     period = sampling_period(p, dt)
     most = 3 * math.ceil(p.strain_end / rate / dt)  # never reached: the rate grows with p'
     head = [f"# {p.run_id}: {start.N} spheres, drained triaxial compression along z",
@@ -172,7 +185,10 @@ def shear(p: SimpleNamespace, start: Start, restart: str, dt: float, strains: li
     if start.at_rest:
         head += [scene.law(p, p.mu_s, G, 0.0), scene.engines(dt)]
     else:
-        head += [_to_rest(p, start, G, dt, CONSOLIDATION_QUIET), "unfix drag", scene.law(p, p.mu_s, G, 0.0)]
+        rest = _to_rest(
+            p, start, G, DAMPED_STEP * min(step, with_G), CONSOLIDATION_QUIET, softer_dt=DAMPED_STEP * with_G
+        )
+        head += [rest, "unfix drag", scene.law(p, p.mu_s, G, 0.0), f"timestep {dt:.9g}"]
     segments = []
     for k, strain in enumerate([*strains, p.strain_end]):
         name = "end" if k == len(strains) else f"strain_{k}"
@@ -180,14 +196,15 @@ def shear(p: SimpleNamespace, start: Start, restart: str, dt: float, strains: li
             f"fix reached all halt {period} v_eps_a >= {strain:.12g} error continue", scene.run(most),
             "unfix reached", scene.snapshot(name),
         ]  # fmt: skip
-    return "\n".join([
+    script = "\n".join([
         *head, "", scene.snapshot("start"), "",
         "# the grains start with the cell's own motion; sigma_3 is held on x and y", "reset_timestep 0",
         "variable length_0 equal $(lz:%.17g)",
         f"variable goal equal {p.sigma_3:.12g}", scene.stream({"z": f"-{rate:.12g}"}), scene.servo(p, G, dt, rate),
-        scene.samples(period), scene.contacts(contact_samples(start.N) * period),
+        scene.samples(period), scene.contacts(contact_samples(start.N, p.strain_end / rate / dt / period) * period),
         f"fix blow_up all halt 100 v_pressure > {BLOW_UP * p.sigma_3:.9g} error hard", "", *segments, "",
     ])  # fmt: skip
+    return script, dt
 
 
 def strain_rate(p: SimpleNamespace) -> float:
@@ -201,9 +218,12 @@ def sampling_period(p: SimpleNamespace, dt: float) -> int:
     return max(10, round(float(np.sort(widths)[len(widths) // 2]) / strain_rate(p) / dt / SAMPLES_PER_WINDOW))
 
 
-def contact_samples(N: int) -> int:
-    """Samples from one list of contacts to the next, so that a file of them stays below a gigabyte."""
-    return max(CONTACT_SAMPLES, round(CONTACT_SAMPLES * N / MANY_GRAINS))
+def contact_samples(N: int, samples: float) -> int:
+    """Samples from one list of contacts to the next of so many, so that their file stays below a gigabyte.
+
+    A list takes about 300 bytes per grain.
+    """
+    return max(CONTACT_SAMPLES, math.ceil(samples * N / MOST_LISTED))
 
 
 def window_edges(strain_end: float, windows: int | str = "default") -> np.ndarray:

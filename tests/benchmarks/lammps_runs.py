@@ -41,7 +41,7 @@ def run(stage: str, **values) -> Path:
     product, failure = BUILD / f"{name}.h5", BUILD / f"{name}.failed.json"
     if not product.exists() and not failure.exists():
         BUILD.mkdir(parents=True, exist_ok=True)
-        row = {"description": name, "product": f"'{product}'"}
+        row = {"description": name, "product": f"'{product}'", "code": "'lammps'"}
         row |= {k: f"'{v}'" if isinstance(v, (str, Path)) else repr(v) for k, v in values.items()}
         table = BUILD / f"{name}.table"
         table.write_text("  ".join(row) + "\n" + "  ".join(row.values()) + "\n")

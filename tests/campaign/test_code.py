@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import hashlib
+import os
 
+import h5py
 import laptop_plan
 import pytest
 from campaign_cases import finish, make_small
 from lammps_stages import needs_lmp
+from paths import ROOT
 
 from analysis.points import RepresentativePoints
 from campaign.config import ConfigError, parse_config, places
 from campaign.engine_slurm import job_script
+from campaign.folder import record_sum
 from campaign.plan import make_rows, predicted_seconds, predicted_steps
+from campaign.products import run_statuses
 
 LAMMPS = '[dem]\ncode = "lammps"\n'
 POINTS = RepresentativePoints([(0.1 + 0.05 * k, (50 - 5 * k) * 1e9) for k in range(6)], [1 / 6] * 6)
@@ -86,8 +91,8 @@ def test_cost_is_that_of_the_code():
 def test_tables_say_how_to_run_a_line_by_hand(tmp_path):
     small = make_small(tmp_path, more=LAMMPS)
     assert (
-        "YADE_BATCH=batch/shear.table:LINE python3 -m campaign.lammps shear"
-        in (small.folder / "batch" / "shear.table").read_text()
+        f"YADE_BATCH=batch/shear.table:LINE PYTHONPATH={os.path.relpath(ROOT, small.folder)} python3 -m "
+        "campaign.lammps shear" in (small.folder / "batch" / "shear.table").read_text()
     )
 
 
@@ -96,6 +101,34 @@ def test_products_of_the_other_code_are_stale_and_not_used(tmp_path):
     small.toml.write_text(small.toml.read_text() + LAMMPS)
     status = small.status()
     assert status["counts"]["total"]["missing"] == len(small.rows) == len(status["stale"])
+
+
+def test_a_product_that_the_other_code_made_under_an_id_is_refused(tmp_path):
+    """By hand, on a row of the table: ids alone cannot keep that from happening."""
+    small = finish(make_small(tmp_path))
+    with h5py.File(small.product(), "r+") as file:
+        file.attrs["code"] = "lammps"
+    record_sum(small.product())
+    status = run_statuses(small.folder, small.rows, rehash=True)[small.rows[-1].run_id]
+    assert status.status == "refused" and "code = 'lammps', planned 'yade'" in status.reason
+
+
+def test_more_ranks_than_cores_are_refused_before_a_run(tmp_path):
+    small = make_small(tmp_path, more=LAMMPS + "[run]\nranks = 1000\n")
+    done = small.command("run", CAMPAIGN_YADE_BATCH="/bin/true", CAMPAIGN_LMP="/bin/true", CAMPAIGN_MPIRUN="/bin/true")
+    assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
+    assert "run.ranks = 1000 exceeds the" in done.stderr
+
+
+def test_what_killed_runs_in_lammps_leave_is_removed_and_their_scripts_stay(tmp_path):
+    small = finish(make_small(tmp_path), *make_small(tmp_path / "other").rows[-1:])
+    small.product().unlink(missing_ok=True)
+    left = small.product().with_suffix(".lammps")
+    left.mkdir()
+    for name in ("contacts.txt", "samples.txt", "in.lammps", "in.log", "start.restart"):
+        (left / name).write_text("x")
+    assert small.command("run").returncode == 0
+    assert {path.name for path in left.iterdir()} == {"in.lammps", "in.log", "start.restart"}
 
 
 def test_without_lammps_a_run_says_what_to_install(tmp_path):

@@ -56,6 +56,16 @@ def test_the_pace_of_another_dem_code_is_not_taken(rows, tmp_path):
     pace.keep(tmp_path / "first", rows, done(rows, 0.4))
     lammps = [replace(row, values=row.values | {"code": "lammps"}) for row in rows]
     assert pace.sentence(rows, tmp_path / "second") and pace.sentence(lammps, tmp_path / "second") == ""
+    assert pace.sentence([*rows, *lammps], tmp_path / "second") == ""  # a sweep over the code
+
+
+def test_a_pace_from_before_there_was_a_choice_is_that_of_yade(rows, tmp_path):
+    pace.keep(tmp_path / "first", rows, done(rows, 0.4))
+    path = tmp_path / "first" / pace.FILE
+    kept = json.loads(path.read_text())
+    del kept["code"]
+    path.write_text(json.dumps(kept))
+    assert pace.newest(tmp_path / "second").by_stage and pace.newest(tmp_path / "second", "lammps") is None
 
 
 def test_stages_keep_their_own_pace(rows, tmp_path):

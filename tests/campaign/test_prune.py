@@ -56,6 +56,18 @@ def test_with_yes_exactly_these_are_gone_and_every_checksum_has_its_file(case, c
     assert prune(case, "--yes") == 0 and "0 files" in capsys.readouterr().out
 
 
+def test_scripts_of_runs_in_lammps_go_once_no_planned_run_has_them(case, capsys):
+    """Also those of runs that failed or were killed, which have no product."""
+    products = case.folder / "products"
+    kept, gone = (products / f"{name}.lammps" for name in (case.rows[0].run_id, "shear_old_3"))
+    for folder in (kept, gone):
+        folder.mkdir()
+        (folder / "in.lammps").write_text("run 0\n")
+    assert prune(case) == 0
+    assert "products/shear_old_3.lammps: stale: the scripts of a run of earlier settings" in capsys.readouterr().out
+    assert prune(case, "--yes") == 0 and kept.exists() and not gone.exists()
+
+
 def test_nothing_is_removed_while_a_run_is_at_work(case, capsys):
     before = files(case)
     with exclusive(case.folder / ".lock"):

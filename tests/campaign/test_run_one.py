@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from campaign_cases import ROOT, finish, make_small
 
+from campaign import run_one
 from campaign.plan import table_line
 from campaign.run_one import BUSY, ENVIRONMENT, FAILED, OK, run_environment
 
@@ -35,6 +36,29 @@ def test_exit_codes_are_those_that_yade_batch_and_slurm_scripts_know(module, tmp
     small.fake["faults"] = {small.rows[-1].run_id: "proof"}
     assert exit_code(small.rows[-1]) == FAILED == 1
     assert small.total("failed") == 1 and BUSY == 75
+
+
+def test_processor_time_of_what_a_run_starts_counts_where_linux_lists_no_children_too(monkeypatch):
+    """A run in LAMMPS waits for its child; without the child's time it would seem to hang."""
+    work = "import subprocess, sys; subprocess.run([sys.executable, '-c', 'while True: pass'])"
+    with subprocess.Popen([sys.executable, "-c", work], start_new_session=True) as run:
+        try:
+            while not (listed := run_one._children(run.pid)):
+                time.sleep(0.01)
+            read = Path.read_text
+
+            def without_children(path, *args, **kwargs):
+                if path.name == "children":
+                    raise FileNotFoundError(str(path))
+                return read(path, *args, **kwargs)
+
+            monkeypatch.setattr(Path, "read_text", without_children)
+            assert run_one._children(run.pid) == listed
+            while run_one._cpu_seconds(run.pid)[0] < 0.3:
+                time.sleep(0.01)
+            assert run_one._cpu_seconds(run.pid)[0] > 1.5 * sum(map(int, run_one._stat(run.pid)[11:15])) / 100.0
+        finally:
+            os.killpg(run.pid, signal.SIGKILL)
 
 
 def test_a_run_that_is_ended_in_the_moment_in_which_yade_starts_leaves_no_temporary_folder(tmp_path):

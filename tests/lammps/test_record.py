@@ -108,3 +108,20 @@ def test_stress_of_the_contacts_must_be_that_of_lammps():
     assert outputs.check_stress(snapshot, "end", "STRESS end 1e5 1e5 1e5 0 0 0 height 1") < 1e-5
     with pytest.raises(LammpsError, match="stress of the contacts is off LAMMPS' own by 0.000"):
         outputs.check_stress(snapshot, "end", "STRESS end 1.001e5 1e5 1e5 0 0 0 height 1")
+
+
+def test_files_that_were_cut_off_are_said_to_be_so(tmp_path):
+    """What a full disk leaves of them; LAMMPS does not notice it."""
+    head = "ITEM: TIMESTEP\n10\nITEM: NUMBER OF ENTRIES\n2\nITEM: ENTRIES x\n"
+    rows = "1 2 0.1 0.2 0.3 4 5 6 7\n2 3 0.1 0.2 0.3 4 5 6 7\n"
+    path = tmp_path / "contacts.txt"
+    path.write_text(head + rows)
+    assert [(step, list_.shape) for step, list_ in outputs.contact_lists(path)] == [(10, (2, 9))]
+    for cut in (1, 8, 24, len(rows)):
+        path.write_text((head + rows)[:-cut])
+        with pytest.raises(LammpsError, match="contacts.txt is not whole"):
+            list(outputs.contact_lists(path))
+    path = tmp_path / "samples.txt"
+    path.write_text(" ".join(["1"] * (len(SAMPLES) + 1)) + "\n1 2 3")
+    with pytest.raises(LammpsError, match="samples.txt is not whole"):
+        outputs.read_samples(path)

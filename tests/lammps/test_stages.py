@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import subprocess
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -21,6 +23,7 @@ from analysis.runs.archive import run_summary
 from analysis.runs.gate import check_product
 from analysis.runs.run_file import Run, read_run, read_snapshot
 from campaign.lammps import outputs, protocol, stages
+from campaign.lammps.__main__ import COMMON
 from campaign.run_one import ENVIRONMENT
 
 pytestmark = needs_lmp
@@ -144,6 +147,15 @@ def test_a_product_of_yade_is_no_start(folder):
     )
 
 
+def test_another_poisson_ratio_is_led_to_at_constant_stress_and_is_no_state_at_rest(folder, tmp_path):
+    """Contacts of G / (1 - nu) carry the same force, so that nothing jumps when a run takes on its own nu."""
+    row = COMMON | PROBE | {"start": str(folder / "products" / "probe_1.h5"), "nu": 0.4}
+    start, _, _ = protocol._begin(SimpleNamespace(**row), tmp_path)
+    as_stiff = G_P * (1.0 - 0.4) / (1.0 - 0.2)
+    assert math.isclose(start.G, as_stiff, rel_tol=1e-9) and not start.at_rest
+    assert protocol._begin(SimpleNamespace(**row | {"nu": 0.2}), tmp_path)[0].at_rest
+
+
 def test_a_grain_thrown_out_of_the_packing_is_a_blow_up(folder):
     """A real fault of LAMMPS: a time step far beyond the stable one."""
     done = stage("consolidate", folder, FIRST | {"description": "consolidate_3", "timestep_factor": 8.0})
@@ -161,6 +173,28 @@ def test_a_killed_lmp_leaves_the_run_missing_and_it_starts_anew(folder):
     assert run.returncode == ENVIRONMENT and "LAMMPS was killed by signal 9 (SIGKILL)" in said
     assert not any((folder / "products" / f"shear_2.{ending}").exists() for ending in ("h5", "failed.json"))
     assert stage("shear", folder, row | {"strain_end": 0.02}, supervised=True).returncode == 0
+
+
+def test_a_killed_run_over_mpi_leaves_no_process_and_no_shared_memory(folder):
+    """The supervisor kills a run that hangs, and Linux then ends mpirun, which must end in order."""
+    shared = set(Path("/dev/shm").glob("vader_segment*"))
+    row = SHEAR | {"description": "shear_4", "strain_end": 0.4, "snapshots": ""}
+    run = started("shear", folder, row, supervised=False, CAMPAIGN_RANKS="2")
+    while len(ranks := lmp_of(run.pid)) < 2 and run.poll() is None:
+        time.sleep(0.01)
+    made = set()
+    while not made and run.poll() is None:
+        time.sleep(0.01)
+        made = set(Path("/dev/shm").glob("vader_segment*")) - shared
+    run.kill()
+    run.wait()
+    assert made and len(ranks) == 2
+    for _ in range(3000):
+        left = [pid for pid in ranks if Path(f"/proc/{pid}").exists()] + [path for path in made if path.exists()]
+        if not left:
+            break
+        time.sleep(0.02)
+    assert not left
 
 
 def lmp_of(pid: int) -> list[int]:

@@ -28,6 +28,8 @@ def main() -> None:
         os.kill(os.getpid(), getattr(signal, fault))
     if fault == "mpirun says SIGKILL":
         sys.exit(print("mpirun noticed that process rank 1 exited on signal 9 (Killed)", file=sys.stderr) or 137)
+    if fault == "mpirun says SIGSEGV":
+        sys.exit(print("mpirun noticed that process rank 0 exited on signal 11 (Segmentation fault)") or 139)
     if fault == "slots":
         sys.exit(SLOTS)
     texts = {"lost": LOST, "blown": BLOWN, "restless": RESTLESS, "silent": "LAMMPS (29 Sep 2021 - Update 2)\n"}

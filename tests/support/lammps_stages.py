@@ -32,10 +32,10 @@ def stage(name: str, folder: Path, row: dict, supervised: bool = False, **env: s
                           stdin=subprocess.DEVNULL, timeout=600)  # fmt: skip
 
 
-def started(name: str, folder: Path, row: dict) -> subprocess.Popen:
-    """The same under the supervisor, started and not waited for; its output is in one pipe."""
-    command, environment = _prepared(name, folder, row, supervised=True)
-    return subprocess.Popen(command, cwd=folder, env=environment, text=True, stdin=subprocess.DEVNULL,
+def started(name: str, folder: Path, row: dict, supervised: bool = True, **env: str) -> subprocess.Popen:
+    """The same, started and not waited for; its output is in one pipe."""
+    command, environment = _prepared(name, folder, row, supervised)
+    return subprocess.Popen(command, cwd=folder, env=environment | env, text=True, stdin=subprocess.DEVNULL,
                             stdout=subprocess.PIPE, stderr=subprocess.STDOUT)  # fmt: skip
 
 
