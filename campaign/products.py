@@ -92,6 +92,9 @@ def run_statuses(
                 stamp = file_stamp(products / name)
                 entry = cache.get(row.run_id)
                 if entry is None or entry["stamp"] != stamp:
+                    if _is_at_work(products, row.run_id, names):  # its checksum is not recorded yet
+                        statuses[row.run_id] = _running(products, row.run_id)
+                        continue
                     sums = _sums(products) if sums is None else sums
                     entry = {"stamp": stamp, **_check(products / name, row, sums)}
                     if file_stamp(products / name) != stamp:
@@ -107,8 +110,8 @@ def run_statuses(
             status = RunStatus(row.run_id, "done", "", _archived_facts(archive[row.run_id], row))
         elif f"{row.run_id}.failed.json" in names:
             status = _failed(products, row, statuses)
-        elif f".{row.run_id}.lock" in names and is_locked(products / f".{row.run_id}.lock"):
-            status = RunStatus(row.run_id, "running", "", {"elapsed": _elapsed(products / f".{row.run_id}.lock")})
+        elif _is_at_work(products, row.run_id, names):
+            status = _running(products, row.run_id)
         elif row.start and (start := statuses.get(row.start)) and start.status == "failed":
             status = RunStatus(row.run_id, "failed", f"its start {start.run_id} failed", {"blocked": start.run_id})
         else:
@@ -120,6 +123,15 @@ def run_statuses(
         with contextlib.suppress(OSError):  # a folder that cannot be written can still be read
             write_json(products / CHECKED, checked)
     return statuses
+
+
+def _is_at_work(products: Path, run_id: str, names: set[str]) -> bool:
+    """Whether a process holds the lock of a run; names: the files in the folder of the products."""
+    return f".{run_id}.lock" in names and is_locked(products / f".{run_id}.lock")
+
+
+def _running(products: Path, run_id: str) -> RunStatus:
+    return RunStatus(run_id, "running", "", {"elapsed": _elapsed(products / f".{run_id}.lock")})
 
 
 def _elapsed(lock: Path) -> float:

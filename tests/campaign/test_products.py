@@ -8,7 +8,7 @@ import synthetic_runs
 from campaign_cases import finish, make_small
 
 from campaign import products
-from campaign.folder import SUMS, file_sum, record_sum, recorded_sums, write_failure
+from campaign.folder import SUMS, exclusive, file_sum, record_sum, recorded_sums, write_failure
 from campaign.products import run_statuses, set_aside, stale, write_blocked
 from campaign.run_one import RETRY_STEP
 
@@ -48,6 +48,17 @@ def test_rehash_finds_what_size_and_times_do_not_show(small):
     checked.write_text(json.dumps(entries))
     assert words(small)[small.rows[-1].run_id] == "done"
     assert words(small, rehash=True)[small.rows[-1].run_id] == "refused"
+
+
+def test_a_product_made_again_is_running_until_its_checksum_is_recorded(small):
+    """Between writing a product and recording its checksum the run holds its lock; an older checksum is still there."""
+    row, path = small.rows[-1], small.product()
+    record_sum(path)
+    synthetic_runs.write_product(small.folder, row, path, cpu_seconds=3.0)
+    with exclusive(path.with_name(f".{row.run_id}.lock")):
+        assert words(small)[row.run_id] == "running"
+        record_sum(path)
+    assert words(small)[row.run_id] == "done"
 
 
 @pytest.mark.parametrize("change", [{"G_p": 1e9}, {"sigma_3": 2e5}, {"heterogeneity": "grain"}, {"strain_end": 0.2}])
