@@ -23,10 +23,9 @@ sys.path.insert(0, str(ROOT))
 import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 
-from analysis.micromechanics.metrics import snapshot_metrics  # noqa: E402
 from analysis.quantities import CRITICAL_FROM  # noqa: E402
 from analysis.runs.gate import check_product  # noqa: E402
-from analysis.runs.run_file import Run, read_run, read_snapshot  # noqa: E402
+from analysis.runs.run_file import Run, read_run  # noqa: E402
 from analysis.runs.states import run_states  # noqa: E402
 from analysis.tables import published  # noqa: E402
 from tests.benchmarks import dem_runs, lammps_runs  # noqa: E402
@@ -98,8 +97,7 @@ def measured(path: Path) -> dict:
     out = {"cpu_seconds": float(run.timing["cpu_seconds"]), "seconds": float(run.timing["wall_seconds"]),
            "steps": int(run.timing["steps"])}  # fmt: skip
     if run.stage == "consolidate":
-        metrics = snapshot_metrics(read_snapshot(run, "end"))
-        out |= {symbol: float(metrics[symbol]) for symbol in INITIAL}
+        out |= {symbol: float(run.record[symbol][-1]) for symbol in INITIAL}
     elif run.stage == "probe":
         assert run.probe is not None
         out |= {name: float(run.probe[name]) for name in ("G_0", "K_0")}
