@@ -81,6 +81,9 @@ variable length_0 equal $(lz:%.17g)
 variable goal equal {p.sigma_3:.12g}
 {scene.drag(p, m)}
 {scene.coming_to_rest(p, dt, CONSOLIDATION_WINDOW, MOST_WINDOWS, CONSOLIDATION_QUIET, change, "settled")}
+
+# the state without the forces of damping: some of them would be tensile
+{scene.law(p, p.mu_iso, G, 0.0)}
 {scene.snapshot("end")}
 write_restart {END}
 """

@@ -169,3 +169,10 @@ def test_output_windows_are_those_of_the_scripts_of_yade():
     edges = stages.window_edges(0.4)
     assert edges[[0, 8, 9, 24, 25, -1]] == pytest.approx([0.001, 0.009, 0.01, 0.0475, 0.05, 0.4])
     assert len(edges) == 96 and stages.window_edges(0.2, 4) == pytest.approx([0.05, 0.1, 0.15, 0.2])
+
+
+def test_no_damping_acts_in_the_snapshot_that_ends_a_consolidation():
+    """A grain that still moves would have a tensile force of damping in a contact, and no mean stress of its own."""
+    text = stages.consolidation(parameters(), "grains.data", np.full(64, 2e-8), 7e-8)
+    law = text.split("dump grains_end")[0].rsplit("pair_coeff", 1)[1].split()
+    assert law[:3] == ["*", "*", "hertz/material"] and float(law[4]) == 0.0

@@ -89,8 +89,9 @@ def test_tangential_forces_and_grains_pass_from_the_probe_to_the_shear_run(folde
     assert (np.linalg.norm(left.f_t, axis=1) <= MU_S * np.linalg.norm(left.f_n, axis=1) * (1 + 1e-9)).all()
 
 
-def test_contacts_are_hertz_with_the_moduli_of_the_run(folder):
-    s = read_snapshot(run(folder, "shear"), "end")
+@pytest.mark.parametrize("name, label", [("consolidate", "end"), ("probe", "start"), ("shear", "end")])
+def test_contacts_are_hertz_with_the_moduli_of_the_run_and_without_forces_of_damping(folder, name, label):
+    s = read_snapshot(run(folder, name), label)
     assert np.linalg.norm(s.f_n, axis=1) == pytest.approx(s.k_n * s.overlap / 1.5, rel=1e-6)
     assert s.k_t / s.k_n == pytest.approx(2.0 * (1.0 - 0.2) / (2.0 - 0.2))
 
