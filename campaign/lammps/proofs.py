@@ -10,13 +10,11 @@ import math
 
 import numpy as np
 
-from analysis.runs.gate import ENERGY_LIMITS, PROOF_LIMITS, SERVO_FROM, SERVO_LIMIT, SERVO_SAMPLE_LIMIT, STEADY_FROM
+from analysis.runs.gate import LEAST_RESIDUAL, PROOF_LIMITS, SERVO_FROM, SERVO_LIMIT, SERVO_SAMPLE_LIMIT, STEADY_FROM
 from analysis.runs.peak_critical import stress_ratio
 from campaign.lammps.outputs import LammpsError
 
 STEADY_WINDOW = 0.10  # strain over which the critical state must be steady
-#: Largest energy out of nothing, over the boundary work.
-LEAST_RESIDUAL = -ENERGY_LIMITS["drained"]
 
 
 def shear_proofs(record: dict[str, np.ndarray], energy_strain: float) -> dict[str, float]:
