@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from analysis.micromechanics.metrics import love_stress
-from campaign.lammps.scene import CONTACTS, SAMPLES
+from campaign.lammps.scene import CONTACTS, FORCES, SAMPLES, SNAPSHOT
 
 #: Relative difference of the stress from the contacts of a snapshot from LAMMPS' own that is refused.
 STRESS_LIMIT = 1e-5
@@ -22,11 +22,16 @@ class LammpsError(RuntimeError):
 
 
 def read_samples(path: Path) -> dict[str, np.ndarray]:
-    """Columns of the samples by name, each (T,), with `step`; raises LammpsError where a value is not finite."""
+    """Columns of the samples by name, each (T,), with `step`; raises LammpsError where a value is not finite.
+
+    Those of FORCES are there if the script asked for them.
+    """
     rows = _table(path.name, path.read_text().splitlines())
     if rows.size == 0:
         raise LammpsError(f"{path.name} holds no sample")
-    data = dict(zip(("step", *SAMPLES), rows.T, strict=True))
+    names = ("step", *SAMPLES)
+    names += FORCES if rows.shape[1] > len(names) else ()
+    data = dict(zip(names, rows.T, strict=True))
     if not np.isfinite(data["sigma_zz"]).all():
         raise LammpsError("blow-up: the stress is not finite")
     return data
@@ -56,8 +61,8 @@ def _table(name: str, lines: list[str]) -> np.ndarray:
         raise LammpsError(f"{name} is not whole: {' '.join(str(error).split())}") from None
 
 
-def contact_lists(path: Path) -> Iterator[tuple[int, np.ndarray]]:
-    """Step and contacts (C, 9) in the columns CONTACTS of every entry of a dump file.
+def contact_lists(path: Path, columns: tuple[str, ...] = CONTACTS) -> Iterator[tuple[int, np.ndarray]]:
+    """Step and contacts (C, columns) of every entry of a dump file.
 
     Raises LammpsError where the file was not written whole.
     """
@@ -70,9 +75,9 @@ def contact_lists(path: Path) -> Iterator[tuple[int, np.ndarray]]:
             elif line.startswith("ITEM: ENTRIES"):
                 lines = [file.readline() for _ in range(count)]
                 rows = _table(path.name, lines)
-                if count and (rows.shape != (count, len(CONTACTS)) or not lines[-1].endswith("\n")):
+                if count and (rows.shape != (count, len(columns)) or not lines[-1].endswith("\n")):
                     raise LammpsError(f"{path.name} is not whole: it ends within the list of step {step}")
-                yield step, rows.reshape(count, len(CONTACTS))
+                yield step, rows.reshape(count, len(columns))
 
 
 def read_snapshot(
@@ -84,7 +89,7 @@ def read_snapshot(
     """
     grains = (folder / f"{name}.grains").read_text().splitlines()
     bounds, table = (_table(f"{name}.grains", lines) for lines in (grains[5:8], grains[9:]))
-    _, rows = next(contact_lists(folder / f"{name}.contacts"), (0, np.empty(0)))
+    _, rows = next(contact_lists(folder / f"{name}.contacts", SNAPSHOT), (0, np.empty(0)))
     if len(table) != p.N or not len(rows):
         raise LammpsError(f"snapshot {name} is not whole: {len(table)} of {p.N} grains, {len(rows)} contacts")
     radius, cell = table[:, 1], np.diag(bounds[:, 1] - bounds[:, 0])

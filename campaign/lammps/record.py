@@ -20,28 +20,29 @@ NOT_GIVEN = {"E_friction": "LAMMPS does not count the work of friction; E_residu
 
 
 def energies(contacts: np.ndarray, radius: np.ndarray, p: SimpleNamespace, G: float) -> float:
-    """Energy (J) in the springs of contacts (C, 9) between grains of radius (N,) m and shear modulus G (Pa).
+    """Energy (J) in the springs of contacts (C, 4) between grains of radius (N,) m and shear modulus G (Pa).
 
-    Distances have nine digits: a contact whose overlap is lost in them carries nothing.
+    Hertz' law gives the overlap from the normal force,
+    f_n = 4/3 G / (1 - nu) sqrt(r_1 r_2 / (r_1 + r_2)) overlap^(3/2).
     """
+    contacts = contacts[contacts[:, 2] > 0.0]
     ids = contacts[:, :2].astype(int) - 1
-    overlap = radius[ids].sum(axis=1) - np.linalg.norm(contacts[:, 2:5], axis=1)
-    ids, contacts, overlap = ids[overlap > 0.0], contacts[overlap > 0.0], overlap[overlap > 0.0]
-    root = np.sqrt(radius[ids].prod(axis=1) / radius[ids].sum(axis=1) * overlap)
-    tangential = (contacts[:, 6:9] ** 2).sum(axis=1) / (2.0 * 4.0 * G / (2.0 - p.nu) * root)
-    return float((0.4 * contacts[:, 5] * overlap + tangential).sum())
+    f_n, f_t = contacts[:, 2:].T
+    root = np.sqrt(radius[ids].prod(axis=1) / radius[ids].sum(axis=1))
+    overlap = (0.75 * f_n * (1.0 - p.nu) / (G * root)) ** (2.0 / 3.0)
+    k_t = 4.0 * G / (2.0 - p.nu) * root * np.sqrt(overlap)
+    return float((0.4 * f_n * overlap + f_t**2 / (2.0 * k_t)).sum())
 
 
 def along_contacts(
     lists: Iterable[tuple[int, np.ndarray]], radius: np.ndarray, p: SimpleNamespace, G: float
 ) -> dict[str, np.ndarray]:
-    """step, elastic energy (J), share of sliding contacts and number of contacts of each list, each (L,)."""
+    """step, elastic energy (J), share of sliding contacts, mean normal force (N) and number of each list, each (L,)."""
     rows = []
     for step, contacts in lists:
-        normal = contacts[:, 2:5] / np.linalg.norm(contacts[:, 2:5], axis=1)[:, None]
-        sliding = sliding_fraction(contacts[:, 5:6] * normal, contacts[:, 6:9], p.mu_s)
-        rows.append((step, energies(contacts, radius, p, G), sliding, len(contacts)))
-    return dict(zip(("step", "E_elastic", "f_sliding", "count"), np.array(rows, float).T, strict=True))
+        sliding = sliding_fraction(contacts[:, 2:3], contacts[:, 3:4], p.mu_s)
+        rows.append((step, energies(contacts, radius, p, G), sliding, contacts[:, 2].mean(), len(contacts)))
+    return dict(zip(("step", "E_elastic", "f_sliding", "mean_f_n", "count"), np.array(rows, float).T, strict=True))
 
 
 def windows_of(strain: np.ndarray, edges: np.ndarray) -> np.ndarray:
@@ -66,8 +67,9 @@ def record(
     step = samples["step"]
     out["servo_mean"] = out.pop("servo")
     out["servo_max"] = np.maximum.reduceat(np.abs(every["servo"]), np.cumsum(count) - count)
-    out["F_unb"] = _means(samples["resultant"], window, count) / _means(samples["mean_f_n"], window, count)
-    out["f_sliding"] = np.interp(_means(step, window, count), contacts["step"], contacts["f_sliding"])
+    middle = _means(step, window, count)
+    mean_f_n, out["f_sliding"] = (np.interp(middle, contacts["step"], contacts[k]) for k in ("mean_f_n", "f_sliding"))
+    out["F_unb"] = _means(samples["resultant"], window, count) / mean_f_n
     elastic = np.interp(step, contacts["step"], contacts["E_elastic"])
     work = _work(samples)
     kinetic = every["E_kinetic"]

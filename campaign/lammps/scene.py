@@ -25,11 +25,15 @@ DRAG_TIMES = 0.2  # inertial times in which the drag of `coming_to_rest` takes a
 
 #: Columns of samples.txt, after the step.
 SAMPLES = ("eps_a", "length_x", "length_y", "length_z", "sigma_xx", "sigma_yy", "sigma_zz", "sigma_xy", "sigma_xz",
-           "sigma_yz", "Z", "single", "active", "solid", "resultant", "mean_f_n", "kinetic", "turning", "rate_z",
+           "sigma_yz", "Z", "single", "active", "solid", "resultant", "kinetic", "turning", "rate_z",
            "C_xx", "C_yy", "C_zz", "C_xy", "C_xz", "C_yz")  # fmt: skip
-#: Columns of a list of contacts: the grains, the vector from the second to the first, normal force, tangential force
-#: of the second on the first.
-CONTACTS = ("first", "second", "dx", "dy", "dz", "f_n", "f_x", "f_y", "f_z")
+#: One more column where it is asked for: every contact has to be worked out once more for it.
+FORCES = ("mean_f_n",)
+#: Columns of a list of contacts: the grains, normal force, magnitude of the tangential force.
+CONTACTS = ("first", "second", "f_n", "f_t")
+#: Columns of the contacts of a snapshot: the grains, the vector from the second to the first, normal force, tangential
+#: force of the second on the first.
+SNAPSHOT = ("first", "second", "dx", "dy", "dz", "f_n", "f_x", "f_y", "f_z")
 
 
 def inertial_time(p: SimpleNamespace) -> float:
@@ -81,6 +85,7 @@ fix motion all nve/sphere
 compute sigma all pressure NULL pair
 compute touching all contact/atom
 compute pairs all pair/local p10 p11 p12 force p1 p2 p3 cutoff radius
+compute springs all pair/local force p4 cutoff radius
 compute ids all property/local patom1 patom2 cutoff radius
 compute coordination all reduce ave c_touching
 compute mean_f_n all reduce ave c_pairs[4]
@@ -93,8 +98,10 @@ thermo_modify norm no format float %.9g
 thermo 5000"""
 
 
-def samples(period: int, file: str = "samples.txt") -> str:
-    """Commands that write a line of SAMPLES every `period` steps; kinetic energy is that about the cell's flow.
+def samples(period: int, forces: bool) -> str:
+    """Commands that write a line of SAMPLES, and FORCES if asked for, to samples.txt every `period` steps.
+
+    Kinetic energy is that about the cell's flow.
 
     The variables rate_x, rate_y and rate_z must hold the strain rates of the cell, length_0 its height at strain 0.
     """
@@ -103,8 +110,8 @@ def samples(period: int, file: str = "samples.txt") -> str:
     lengths = "\n".join(f"variable length_{a} equal l{a}" for a in AXES)
     columns = " ".join([
         "v_eps_a", *(f"v_length_{a}" for a in AXES), *(f"c_sigma[{k}]" for k in range(1, 7)), "c_coordination",
-        *(f"c_sums[{k}]" for k in (1, 2, 3)), "c_resultant", "c_mean_f_n", "c_sums[4]", "c_turning", "v_rate_z",
-        *(f"c_fabric[{k}]" for k in range(1, 7)),
+        *(f"c_sums[{k}]" for k in (1, 2, 3)), "c_resultant", "c_sums[4]", "c_turning", "v_rate_z",
+        *(f"c_fabric[{k}]" for k in range(1, 7)), *(["c_mean_f_n"] if forces else []),
     ])  # fmt: skip
     return f"""variable eps_a equal ln(v_length_0/lz)
 {lengths}
@@ -117,20 +124,20 @@ variable kinetic atom 0.5*mass*({flow})
 compute sums all reduce sum v_single v_active v_solid v_kinetic
 compute turning all erotate/sphere
 compute fabric all fabric radius contact
-fix samples all ave/time {period} 1 {period} {columns} format " %.12g" file {file}"""
+fix samples all ave/time {period} 1 {period} {columns} format " %.12g" file samples.txt"""
 
 
-def contacts(period: int, file: str = "contacts.txt") -> str:
-    """Commands that write all contacts every `period` steps."""
-    return f"""dump contacts all local {period} {file} {_CONTACT_COLUMNS}
-dump_modify contacts format float %.9g"""
+def contacts(period: int) -> str:
+    """Commands that write all contacts to contacts.txt every `period` steps, in the columns CONTACTS."""
+    return f"""dump contacts all local {period} contacts.txt c_ids[1] c_ids[2] c_springs[1] c_springs[2]
+dump_modify contacts format float %.6g"""
 
 
 def snapshot(name: str) -> str:
     """Commands that write all grains and contacts at the present step, for which forces are computed anew."""
     return f"""dump grains_{name} all custom 1 {name}.grains id radius mass x y z
 dump_modify grains_{name} sort id format float %.17g
-dump contacts_{name} all local 1 {name}.contacts {_CONTACT_COLUMNS}
+dump contacts_{name} all local 1 {name}.contacts {_SNAPSHOT_COLUMNS}
 dump_modify contacts_{name} format float %.17g
 {NEW_LISTS}
 run 0
@@ -139,7 +146,7 @@ undump contacts_{name}
 print "STRESS {name} {STRESS} height $(lz:%.17g)\""""
 
 
-_CONTACT_COLUMNS = " ".join([*(f"c_ids[{k}]" for k in (1, 2)), *(f"c_pairs[{k}]" for k in range(1, 8))])
+_SNAPSHOT_COLUMNS = " ".join([*(f"c_ids[{k}]" for k in (1, 2)), *(f"c_pairs[{k}]" for k in range(1, 8))])
 
 
 #: The stress tensor for `print`, Pa.
@@ -158,39 +165,36 @@ def stream(rates: dict[str, str], sign: int = 1) -> str:
     return "\n".join(lines)
 
 
-def servo(p: SimpleNamespace, G: float, dt: float, axial_rate: float = 0.0) -> str:
-    """Commands that hold the stress `goal`, a variable, on all axes; with an axial rate (1/s) z shortens instead.
+def servo(p: SimpleNamespace, G: float, dt: float, axial_rate: float = 0.0, goal: str = "") -> str:
+    """Commands that hold sigma_3, or the stress `goal` (a formula), on all axes; with an axial rate (1/s) z shortens.
 
     A held axis is a damped oscillator, rate' = w2 (sigma - goal) / modulus + 2 z w sigma' / modulus, integrated once
     and limited while the packing comes to rest. The axial rate keeps the inertial number: it follows sqrt(p' /
     sigma_3). The integrals, for each axis that of the rate (for z the followed sqrt(p' / sigma_3) - 1), live in a `fix
-    ave/time` that averages over one step, and so remembers; then come the rates themselves, so that each formula is
-    worked out once in a step. `fix deform` counts the growth of the cell from the begin of each run (`run`).
+    ave/time` that averages over one step, and so remembers; then come the rates themselves.  The formulas hold numbers
+    rather than variables, since LAMMPS reads each of them anew in every step.
     """
     omega = 2.0 * math.pi / (SERVO_PERIOD * inertial_time(p))
-    limit = MAX_RATE_I / inertial_time(p)
+    limit, stiff = MAX_RATE_I / inertial_time(p), modulus(p, G)
     lines = []
     for k, axis in enumerate(AXES, start=1):
         if axis == "z" and axial_rate:
-            follow = f"{dt * axial_rate / RATE_STRAIN:.9g}*(sqrt(abs(v_pressure)/{p.sigma_3:.12g})-1-f_servo[{k}])"
+            mean = f"abs(c_sigma[1]+c_sigma[2]+c_sigma[3])/{3.0 * p.sigma_3:.12g}"
+            follow = f"{dt * axial_rate / RATE_STRAIN:.9g}*(sqrt({mean})-1-f_servo[{k}])"
             lines += [
                 f"variable memory_{axis} equal f_servo[{k}]+{follow}",
                 f"variable asked_{axis} equal -{axial_rate:.12g}*(1+f_servo[{k}])",
             ]
         else:
-            memory = f"f_servo[{k}]+{dt * omega**2:.9g}*v_error_{axis}"
-            asked = f"f_servo[{k}]+{2.0 * SERVO_DAMPING * omega:.9g}*v_error_{axis}"
+            error = f"(c_sigma[{k}]-{goal or f'{p.sigma_3:.12g}'})"
+            memory = f"f_servo[{k}]+{dt * omega**2 / stiff:.9g}*{error}"
+            asked = f"f_servo[{k}]+{2.0 * SERVO_DAMPING * omega / stiff:.9g}*{error}"
             if not axial_rate:
                 memory, asked = _limited(memory, limit), _limited(asked, limit)
-            lines += [
-                f"variable error_{axis} equal (c_sigma[{k}]-v_goal)/{modulus(p, G):.9g}",
-                f"variable memory_{axis} equal {memory}",
-                f"variable asked_{axis} equal {asked}",
-            ]
+            lines += [f"variable memory_{axis} equal {memory}", f"variable asked_{axis} equal {asked}"]
         lines += [
             f"variable rate_{axis} equal f_servo[{k + 3}]",
             f"variable velocity_{axis} equal f_servo[{k + 3}]*l{axis}",
-            f"variable growth_{axis} equal l{axis}*(1+{dt:.9g}*f_servo[{k + 3}])-v_base_{axis}",
         ]
     remembered = " ".join(f"v_{name}_{axis}" for name in ("memory", "asked") for axis in AXES)
     moves = " ".join(f"{axis} variable v_growth_{axis} v_velocity_{axis}" for axis in AXES)
@@ -198,9 +202,13 @@ def servo(p: SimpleNamespace, G: float, dt: float, axial_rate: float = 0.0) -> s
     return "\n".join(lines)
 
 
-def run(steps: int) -> str:
-    """Commands that run so many steps under the servo."""
-    return "\n".join([*(f"variable base_{axis} equal $(l{axis}:%.17g)" for axis in AXES), NEW_LISTS, f"run {steps}"])
+def run(steps: int, dt: float) -> str:
+    """Commands that run so many steps of dt (s) under the servo; `fix deform` wants the growth since a run's begin."""
+    growth = [
+        f"variable growth_{axis} equal l{axis}*(1+{dt:.9g}*f_servo[{k}])-$(l{axis}:%.17g)"
+        for k, axis in enumerate(AXES, start=4)
+    ]
+    return "\n".join([*growth, NEW_LISTS, f"run {steps}"])
 
 
 #: Command before a run that follows another one at the same step.  A list of contacts that was made at that step would
@@ -229,7 +237,7 @@ def drag(p: SimpleNamespace, mass: float) -> str:
 def coming_to_rest(
     p: SimpleNamespace, dt: float, window_times: float, most: int, quiet: float, z_limit: float, settled: str
 ) -> str:
-    """Commands that hold `goal` until a window proves equilibrium, at most so many windows; then go to the label.
+    """Commands that hold sigma_3 until a window proves equilibrium, at most so many windows; then go to the label.
 
     Each window of `window_times` inertial times prints its proof, as in yade_scripts/equilibrium.py: the largest error
     of the stress on any axis, the mean unbalanced force of its second half, the change of the mean Z between halves.
@@ -244,12 +252,12 @@ variable off equal 0.5*({larger}+v_off_z+abs({larger}-v_off_z))
 variable trial loop {most}
 label window_{settled}
 fix first all vector {period} v_off c_coordination
-{run(20 * period)}
+{run(20 * period, dt)}
 variable worst equal $(max(f_first[1]):%.12g)
 variable before equal $(ave(f_first[2]):%.12g)
 unfix first
 fix second all vector {period} v_off c_coordination v_F_unb
-{run(20 * period)}
+{run(20 * period, dt)}
 variable worst equal $(0.5*(v_worst+max(f_second[1])+abs(v_worst-max(f_second[1]))):%.12g)
 variable change equal $(abs(ave(f_second[2])-v_before):%.12g)
 variable quiet equal $(ave(f_second[3]):%.12g)

@@ -1,10 +1,12 @@
 """YADE and LAMMPS as engines of the same protocol: states, moduli and cost of whole chains.
 
+    /usr/bin/python3 tests/benchmarks/bench_engines.py same [N ...]        (default 400 1000)
     /usr/bin/python3 tests/benchmarks/bench_engines.py oracle [N ...]      (default 400)
     /usr/bin/python3 tests/benchmarks/bench_engines.py chains [N ...]      (default 400)
     /usr/bin/python3 tests/benchmarks/bench_engines.py cost [N ...]        (default 400 1000 4000; hours)
     /usr/bin/python3 tests/benchmarks/bench_engines.py summary
 
+same      the state that LAMMPS brought to rest goes to YADE with all forces of its contacts, and both probe it
 oracle    the packing that YADE consolidated goes to both codes, for probe and shear: what the code alone changes
 chains    consolidation, probe and shear in both codes from the same assembly: three packings x three densities x three
           points of the pairs (mu_s, G_p)
@@ -37,11 +39,12 @@ G_REF, INERTIAL_NUMBER, STRAIN_END, CRITICAL_FROM = 25.7e9, 2.4e-3, 0.40, 0.25
 PACKINGS, DENSITIES = (1, 2, 3), (0.001, 0.04, 0.1)
 #: mu_s and G_p (Pa) of the points: near the 10 %, 50 % and 90 % quantiles of mu_s, and G_p as the pairs go with it.
 POINTS = ((0.12, 35e9), (0.214, 25.7e9), (0.39, 19e9))
-SIZES = {"oracle": (400,), "chains": (400,), "cost": (400, 1000, 4000)}
+SIZES = {"same": (400, 1000), "oracle": (400,), "chains": (400,), "cost": (400, 1000, 4000)}
 STATES = ("G_0", "K_0", "e_initial", "Z_initial", "eta_peak", "eps_peak", "eta_critical", "e_critical", "Z_critical",
           "Z_m_critical", "f_sliding_critical")  # fmt: skip
 KEYS = ("kind", "code", "N", "packing", "mu_iso", "mu_s", "G_p_GPa")
 COSTS = ("cpu_consolidate", "cpu_probe", "cpu_shear", "steps_consolidate", "steps_probe", "steps_shear")
+TAKEN_OVER = ROOT / "tests" / "yade" / "scenes" / "probe_taken_over.py"
 COLUMNS = (*KEYS, "version", "scripts", *STATES, "servo_mean_error", "F_unb", *COSTS, "failed")
 
 
@@ -56,7 +59,7 @@ def main(kind: str, *sizes: str) -> int:
     failed = 0
     for N in map(int, sizes or SIZES[kind]):
         for case in cases(kind):
-            for code in ("yade", "lammps"):
+            for code in ("lammps", "yade"):
                 failed += row(kind, code, N, *case)
     return int(failed > 0)
 
@@ -76,12 +79,35 @@ def row(kind: str, code: str, N: int, packing: int, mu_iso: float, mu_s: float, 
     if tuple(f"{v:.6g}" if isinstance(v, float) else str(v) for v in keys.values()) in finished(TABLE, KEYS):
         return False
     try:
-        runs = chain(kind, code, N, packing, mu_iso, mu_s, G_p)
+        if kind == "same":
+            found = moduli(probe_of_one_state(code, N, packing, mu_iso, mu_s, G_p))
+        else:
+            found = measured(*chain(kind, code, N, packing, mu_iso, mu_s, G_p))
     except dem_runs.RunFailed as error:
         append(TABLE, COLUMNS, keys | {"failed": str(error)})
         return True
-    append(TABLE, COLUMNS, keys | measured(*runs))
+    append(TABLE, COLUMNS, keys | found)
     return False
+
+
+def probe_of_one_state(code: str, N: int, packing: int, mu_iso: float, mu_s: float, G_p: float) -> Run:
+    """The probe of a state that LAMMPS brought to rest: its own, or YADE's of the same grains and forces."""
+    first = lammps_runs.run("consolidate", assembly=dem_runs.assembly(N, packing), mu_iso=mu_iso, G_p=G_REF,
+                            seed=packing)  # fmt: skip
+    mine = lammps_runs.run("probe", start=first, mu_s=mu_s, G_p=G_p)
+    if code == "lammps":
+        return read_run(mine)
+    return read_run(dem_runs.run("probe", scene=TAKEN_OVER, start=mine, mu_s=mu_s, G_p=G_p, seed=packing))
+
+
+def moduli(probe: Run) -> dict:
+    """G_0, K_0 and the cost of a probe."""
+    assert probe.probe is not None
+    return {
+        "version": probe.attrs["yade_version"], "scripts": probe.attrs["script_digest"][:10],
+        **{name: float(probe.probe[name]) for name in ("G_0", "K_0")},
+        "cpu_probe": float(probe.timing["cpu_seconds"]), "steps_probe": int(probe.timing["steps"]),
+    }  # fmt: skip
 
 
 def chain(kind: str, code: str, N: int, packing: int, mu_iso: float, mu_s: float, G_p: float) -> list[Run]:
@@ -102,9 +128,7 @@ def measured(first: Run, probe: Run, shear: Run) -> dict:
     """Moduli, states, proofs and costs of a chain."""
     record, eta = shear.record, stress_ratio(shear.record["sigma"])
     peak, late = peak_state(shear.strain, eta), shear.strain > CRITICAL_FROM
-    assert probe.probe is not None
-    out = {"version": shear.attrs["yade_version"], "scripts": shear.attrs["script_digest"][:10]}
-    out |= {name: float(probe.probe[name]) for name in ("G_0", "K_0")}
+    out = moduli(probe) | {"scripts": shear.attrs["script_digest"][:10]}
     out |= {"e_initial": float(record["e"][0]), "Z_initial": float(record["Z"][0])}
     out |= {"eta_peak": peak.eta, "eps_peak": peak.eps_a, "eta_critical": float(eta[late].mean())}
     out |= {f"{name}_critical": float(record[name][late].mean()) for name in ("e", "Z", "Z_m", "f_sliding")}

@@ -89,7 +89,7 @@ def _adoption(p, mass: np.ndarray, dt: float, label: str) -> str:
     quiet = stages.PROBE_QUIET if p.stage == "probe" else stages.CONSOLIDATION_QUIET
     return "\n".join([
         scene.settings(p, f"read_data {protocol.GRAINS}"), scene.law(p, mu, p.G_p, scene.damping(p, m, p.G_p)),
-        scene.engines(dt), f"variable goal equal {p.sigma_3:.12g}", scene.servo(p, p.G_p, dt), scene.drag(p, m),
+        scene.engines(dt), scene.servo(p, p.G_p, dt), scene.drag(p, m),
         scene.coming_to_rest(p, dt, stages.CONSOLIDATION_WINDOW, 30, quiet, scene.z_limit(len(mass)), "settled"),
         scene.RELEASE, scene.snapshot(label), f"write_restart {stages.END}", "",
     ])  # fmt: skip
