@@ -29,8 +29,9 @@ def read_samples(path: Path) -> dict[str, np.ndarray]:
     rows = _table(path.name, path.read_text().splitlines())
     if rows.size == 0:
         raise LammpsError(f"{path.name} holds no sample")
-    names = ("step", *SAMPLES)
-    names += FORCES if rows.shape[1] > len(names) else ()
+    names = ["step", *SAMPLES]
+    if rows.shape[1] > len(names):
+        names += FORCES
     data = dict(zip(names, rows.T, strict=True))
     if not np.isfinite(data["sigma_zz"]).all():
         raise LammpsError("blow-up: the stress is not finite")

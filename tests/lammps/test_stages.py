@@ -14,7 +14,9 @@ from types import SimpleNamespace
 import h5py
 import numpy as np
 import pytest
+import yade_runs
 from lammps_stages import grains, needs_lmp, stage, started
+from step_bound import largest_step
 
 from analysis.errors_and_files import RunFileError
 from analysis.micromechanics.metrics import snapshot_metrics
@@ -22,7 +24,7 @@ from analysis.micromechanics.stiffness import network_moduli
 from analysis.runs.archive import run_summary
 from analysis.runs.gate import check_product
 from analysis.runs.run_file import Run, read_run, read_snapshot
-from campaign.lammps import outputs, protocol, stages
+from campaign.lammps import outputs, packing, protocol, stages
 from campaign.lammps.__main__ import COMMON
 from campaign.run_one import ENVIRONMENT
 
@@ -102,6 +104,27 @@ def test_moduli_of_the_probe_are_those_of_its_contact_network(folder):
     assert product.probe["G_0"] == pytest.approx(network.G_0, rel=0.003)
     assert product.probe["K_0"] == pytest.approx(network.K_0, rel=0.003)
     assert product.proofs["G_0_asymmetry"] < 0.01
+
+
+@pytest.mark.yade
+def test_yade_finds_the_state_of_a_probe_at_rest_and_with_the_same_moduli(folder):
+    """The law is the same to the last term: forces of all contacts, taken over by YADE, hold each other as they are."""
+    row = {key: PROBE[key] for key in ("mu_s", "G_p")} | {"start": str(folder / "products" / "probe_1.h5")}
+    done = yade_runs.scene_of_a_row("probe_taken_over", folder, description="taken_over", **row)
+    assert done.returncode == 0, done.stdout + done.stderr
+    here, there = run(folder, "probe"), read_run(folder / "taken_over.h5")
+    assert there.proofs["stress_error"] < 1e-8
+    for name in ("G_0", "G_0_minus", "K_0"):
+        assert here.probe[name] == pytest.approx(there.probe[name], rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["probe", "shear"])
+def test_the_step_is_below_the_largest_stable_one(folder, name):
+    product = run(folder, name)
+    s = read_snapshot(product, "start" if name == "probe" else "end")
+    mass = packing.masses(s.radius, product.parameters["rho"], balanced=True)
+    largest = largest_step(s, mass, 0.4 * mass * s.radius**2)
+    assert product.timing["dt_mean"] < (0.85 if name == "probe" else 0.95) * largest
 
 
 def test_record_and_snapshots_of_a_shear_run_agree(folder):

@@ -35,6 +35,11 @@ def stage_killed_when(name: str, folder: Path, there: Path, **row) -> None:
     run.wait()
 
 
+def scene_of_a_row(name: str, folder: Path, **row) -> subprocess.CompletedProcess:
+    """One row through a scene of `tests/yade/scenes` that works like a stage."""
+    return _yade("yade", SCENES / f"{name}.py", {"YADE_BATCH": f"{_table(folder, row)}:2"}, folder)
+
+
 def _table(folder: Path, row: dict) -> Path:
     row = {"product": f"{row['description']}.h5"} | row
     cells = {k: f"'{v}'" if isinstance(v, (str, Path)) else repr(v) for k, v in row.items()}
