@@ -130,7 +130,7 @@ fix samples all ave/time {period} 1 {period} {columns} format " %.12g" file samp
 def contacts(period: int) -> str:
     """Commands that write all contacts to contacts.txt every `period` steps, in the columns CONTACTS."""
     return f"""dump contacts all local {period} contacts.txt c_ids[1] c_ids[2] c_springs[1] c_springs[2]
-dump_modify contacts format float %.6g"""
+dump_modify contacts format float %.9g"""
 
 
 def snapshot(name: str) -> str:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import snapshots
 
-from campaign.lammps import outputs, record
+from campaign.lammps import outputs, record, scene
 from campaign.lammps.outputs import LammpsError
 from campaign.lammps.proofs import shear_proofs
 from campaign.lammps.scene import SAMPLES
@@ -69,6 +70,15 @@ def test_energy_of_a_lattice_is_that_of_its_springs():
     rows = np.column_stack([s.contact_ids + 1, np.linalg.norm(s.f_n, axis=1), np.full(len(s.normal), 1e-6)])
     expected = (0.4 * np.linalg.norm(s.f_n, axis=1) * s.overlap + 1e-12 / (2.0 * s.k_t)).sum()
     assert record.energies(rows, s.radius, P, 25.7e9) == pytest.approx(expected, rel=1e-6)
+
+
+def test_digits_of_a_list_tell_a_sliding_contact_from_one_that_sticks():
+    digits = re.search(r"format float (%\S+)", scene.contacts(10))[1]
+    f_n = np.random.default_rng(1).lognormal(-5.0, 1.0, 400)
+    share = np.where(np.arange(400) % 2, 1.0, 0.99999)
+    rows = [(1, 2, float(digits % f), float(digits % (P.mu_s * s * f))) for f, s in zip(f_n, share, strict=True)]
+    lists = record.along_contacts([(0, np.array(rows))], np.full(2, 1e-4), P, 25e9)
+    assert lists["f_sliding"] == pytest.approx(0.5) and lists["mean_f_n"] == pytest.approx(f_n.mean())
 
 
 def test_a_list_that_lacks_contacts_is_found():
