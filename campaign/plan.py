@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 #: Version of each stage. Raised whenever the script of a stage computes something else from the same parameters.
 PROTOCOL = {"consolidate": 4, "probe": 4, "shear": 5}
 #: The same of `campaign/lammps`.
-LAMMPS_PROTOCOL = {"consolidate": 1, "probe": 1, "shear": 1}
+LAMMPS_PROTOCOL = {"consolidate": 2, "probe": 2, "shear": 2}
 STAGES = ("consolidate", "probe", "shear")
 
 #: Constants of the cost model, fitted to the sums over the laptop campaign's 855 runs (data/laptop/tables/runs.csv):
