@@ -20,6 +20,7 @@ from __future__ import annotations
 
 import shutil
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -42,10 +43,13 @@ POINTS = ((0.12, 35e9), (0.214, 25.7e9), (0.39, 19e9))
 SIZES = {"same": (400, 1000), "oracle": (400,), "chains": (400,), "cost": (400, 1000, 4000)}
 STATES = ("G_0", "K_0", "e_initial", "Z_initial", "eta_peak", "eps_peak", "eta_critical", "e_critical", "Z_critical",
           "Z_m_critical", "f_sliding_critical")  # fmt: skip
+#: Ends of the pieces of strain over which the curves of eta, e and Z are averaged.
+PIECES = (0.0, 0.01, 0.03, 0.06, 0.12, 0.25)
+CURVES = tuple(f"{name}_to_{end:g}" for name in ("eta", "e", "Z") for end in PIECES[1:])
 KEYS = ("kind", "code", "N", "packing", "mu_iso", "mu_s", "G_p_GPa")
 COSTS = ("cpu_consolidate", "cpu_probe", "cpu_shear", "steps_consolidate", "steps_probe", "steps_shear")
 TAKEN_OVER = ROOT / "tests" / "yade" / "scenes" / "probe_taken_over.py"
-COLUMNS = (*KEYS, "version", "scripts", *STATES, "servo_mean_error", "F_unb", *COSTS, "failed")
+COLUMNS = (*KEYS, "version", "scripts", *STATES, *CURVES, "servo_mean_error", "F_unb", *COSTS, "failed")
 
 
 def main(kind: str, *sizes: str) -> int:
@@ -133,6 +137,10 @@ def measured(first: Run, probe: Run, shear: Run) -> dict:
     out |= {"eta_peak": peak.eta, "eps_peak": peak.eps_a, "eta_critical": float(eta[late].mean())}
     out |= {f"{name}_critical": float(record[name][late].mean()) for name in ("e", "Z", "Z_m", "f_sliding")}
     out |= {name: float(shear.proofs[name]) for name in ("servo_mean_error", "F_unb")}
+    for low, high in pairwise(PIECES):
+        piece = (shear.strain > low) & (shear.strain <= high)
+        out |= {f"{name}_to_{high:g}": float(v[piece].mean()) for name, v in {**record, "eta": eta}.items()
+                if name in ("eta", "e", "Z")}  # fmt: skip
     for stage, run in zip(("consolidate", "probe", "shear"), (first, probe, shear), strict=True):
         out |= {f"cpu_{stage}": float(run.timing["cpu_seconds"]), f"steps_{stage}": int(run.timing["steps"])}
     return out
@@ -141,12 +149,13 @@ def measured(first: Run, probe: Run, shear: Run) -> dict:
 def summary(table: pd.DataFrame) -> pd.DataFrame:
     """Difference LAMMPS - YADE of every state beside the scatter of packings, and the ratio of the CPU times.
 
-    A state: mean difference over the packings of a density and a point, standard deviation of packings within a code
-    (pooled over both), and the largest difference that this scatter alone explains at 95 %, each state by itself.
+    A state, or a curve averaged over a piece of strain: mean difference over the packings of a density and a point,
+    standard deviation of packings within a code (pooled over both), and the largest difference that this scatter alone
+    explains at 95 %, each by itself.
     """
     rows = []
     for (kind, N, mu_iso, mu_s), part in table.groupby(["kind", "N", "mu_iso", "mu_s"]):
-        for name in (*STATES, *COSTS[:3]):
+        for name in (*STATES, *CURVES, *COSTS[:3]):
             pair = part.pivot(index="packing", columns="code", values=name).dropna()
             if set(pair.columns) != {"yade", "lammps"} or not len(pair):
                 continue

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 import pytest
-from bench_engines import COSTS, STATES, cases, summary
+from bench_engines import COSTS, CURVES, STATES, cases, summary
 
 
 def test_chains_are_three_packings_at_three_densities_and_three_points():
@@ -13,7 +13,7 @@ def test_chains_are_three_packings_at_three_densities_and_three_points():
 
 
 def rows(code: str, values: list[float]) -> list[dict]:
-    names = dict.fromkeys((*STATES, *COSTS[:3]), 1.0)
+    names = dict.fromkeys((*STATES, *CURVES, *COSTS[:3]), 1.0)
     return [
         {"kind": "oracle", "code": code, "N": 400, "packing": k, "mu_iso": 0.04, "mu_s": 0.2, **names, "G_0": v}
         for k, v in enumerate(values)
