@@ -46,9 +46,9 @@ STEP_FACTOR = 0.8
 #: How much larger the time step is with `dem.density_scaling` (shear runs at N = 1,000: 1.80 to 1.85).
 BALANCED_STEP = 1.85
 #: The same of LAMMPS, from chains of 400 spheres (data/benchmarks/engines.csv), one run at a time on a busy machine.
-#: Its moments of inertia cannot be balanced, and it takes smaller steps while contacts are damped.
-LAMMPS_RATE = {"consolidate": 4.4e6, "probe": 4.2e6, "shear": 4.0e6}
-LAMMPS_SECONDS_PER_START, LAMMPS_STEPS, LAMMPS_BALANCED_STEP = 0.8, (1275.0, 497.0, 8.2), 1.5
+#: Its moments of inertia cannot be balanced.
+LAMMPS_RATE = {"consolidate": 4.5e6, "probe": 5.0e6, "shear": 4.4e6}
+LAMMPS_SECONDS_PER_START, LAMMPS_STEPS, LAMMPS_BALANCED_STEP = 0.6, (846.0, 219.0, 8.15), 1.5
 #: Steps of a test that holds p', and of a drained extension, over those of drained compression (tests/benchmarks/
 #: bench_paths.py: 1.10 to 1.11, and 1.17 to 1.18).
 CONSTANT_P_STEPS, EXTENSION_STEPS = 1.1, 1.17
