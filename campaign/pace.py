@@ -17,7 +17,7 @@ from pathlib import Path
 
 from campaign.estimate import paces
 from campaign.files import read_json, write_json
-from campaign.plan import STAGES, PlannedRun
+from campaign.plan import STAGES, PlannedRun, cost_model
 from campaign.products import RunStatus
 
 FILE = "pace.json"
@@ -57,17 +57,19 @@ def keep(folder: Path, rows: Sequence[PlannedRun], statuses: Mapping[str, RunSta
     if done:
         by_stage = paces(rows, statuses, "cpu_seconds")
         with contextlib.suppress(OSError):
-            write_json(folder / FILE, {"machine": machine(), "code": _code(rows), "runs": done, "pace": by_stage})
+            known = {"machine": machine(), "code": _code(rows), "model": cost_model()}
+            write_json(folder / FILE, known | {"runs": done, "pace": by_stage})
 
 
 def newest(folder: Path, code: str = "yade") -> Pace | None:
-    """Return the newest pace of this machine and DEM code in a campaign's folder or in those beside it, or None."""
+    """Return the newest pace of this machine, DEM code and cost model in the folder or in those beside it, or None."""
     found = []
     for path in {*folder.parent.glob(f"*/{FILE}"), folder / FILE}:
         with contextlib.suppress(OSError):  # the file of another campaign cannot be read: its pace is not known
             kept = read_json(path, {})
             by_stage = kept.get("pace")
-            if (kept.get("machine"), kept.get("code", "yade")) != (machine(), code) or not isinstance(by_stage, dict):
+            of = (kept.get("machine"), kept.get("code", "yade"), kept.get("model"))
+            if of != (machine(), code, cost_model()) or not isinstance(by_stage, dict):
                 continue
             if all(_positive(by_stage.get(stage)) for stage in STAGES):
                 found.append((path.stat().st_mtime, Pace(by_stage, int(kept.get("runs", 0)), path.parent)))

@@ -278,6 +278,14 @@ def predicted_seconds(stage: str, particle_steps: float, code: str = "yade") -> 
     return SECONDS_PER_START + particle_steps / PARTICLE_STEPS_PER_CPU_SECOND[stage]
 
 
+def cost_model() -> str:
+    """Return a name of the constants from which steps and seconds are predicted; it changes when one of them does."""
+    constants = (PARTICLE_STEPS_PER_CPU_SECOND, SECONDS_PER_START, CONSOLIDATION_STEPS, PROBE_STEPS, SHEAR_STEPS,
+                 BALANCED_STEP, LAMMPS_RATE, LAMMPS_SECONDS_PER_START, LAMMPS_STEPS, LAMMPS_BALANCED_STEP,
+                 CONSTANT_P_STEPS, EXTENSION_STEPS, UNDRAINED_STRAIN)  # fmt: skip
+    return digest(repr(constants).encode(), 8)
+
+
 def predicted_cost(rows: Sequence[PlannedRun]) -> dict[str, dict[str, float]]:
     """Return runs, particle_steps and core_hours by stage, and their sums under "total"."""
     cost = {}

@@ -7,7 +7,7 @@ import pytest
 import synthetic_results
 from paths import ROOT
 
-from campaign import pace
+from campaign import pace, plan
 from campaign.config import read_config
 from campaign.plan import make_rows
 from campaign.products import RunStatus
@@ -49,6 +49,12 @@ def test_a_damaged_file_is_passed_over(rows, tmp_path, monkeypatch, text):
     monkeypatch.setattr(pace, "machine", lambda: "here")
     (tmp_path / "first").mkdir()
     (tmp_path / "first" / pace.FILE).write_text(text)
+    assert pace.newest(tmp_path / "second") is None
+
+
+def test_a_pace_of_other_constants_of_the_prediction_is_not_taken(rows, tmp_path, monkeypatch):
+    pace.keep(tmp_path / "first", rows, done(rows, 0.4))
+    monkeypatch.setattr(plan, "SHEAR_STEPS", 16.0)
     assert pace.newest(tmp_path / "second") is None
 
 
