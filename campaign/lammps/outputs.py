@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from analysis.micromechanics.metrics import love_stress
-from campaign.lammps.scene import CONTACTS, FORCES, SAMPLES, SNAPSHOT
+from campaign.lammps.scene import CONTACTS, SAMPLES, SNAPSHOT
 
 #: Relative difference of the stress from the contacts of a snapshot from LAMMPS' own that is refused.
 STRESS_LIMIT = 1e-5
@@ -21,18 +21,15 @@ class LammpsError(RuntimeError):
     """A run that LAMMPS did not bring to its end, or whose output contradicts itself; the text is one line."""
 
 
-def read_samples(path: Path) -> dict[str, np.ndarray]:
+def read_samples(path: Path, further: tuple[str, ...]) -> dict[str, np.ndarray]:
     """Columns of the samples by name, each (T,), with `step`; raises LammpsError where a value is not finite.
 
-    Those of FORCES are there if the script asked for them.
+    further: the columns that the script asked for beside SAMPLES.
     """
     rows = _table(path.name, path.read_text().splitlines())
     if rows.size == 0:
         raise LammpsError(f"{path.name} holds no sample")
-    names = ["step", *SAMPLES]
-    if rows.shape[1] > len(names):
-        names += FORCES
-    data = dict(zip(names, rows.T, strict=True))
+    data = dict(zip(("step", *SAMPLES, *further), rows.T, strict=True))
     if not np.isfinite(data["sigma_zz"]).all():
         raise LammpsError("blow-up: the stress is not finite")
     return data
@@ -41,6 +38,11 @@ def read_samples(path: Path) -> dict[str, np.ndarray]:
 def stress(samples: dict[str, np.ndarray]) -> np.ndarray:
     """Stress tensors (T, 3, 3), Pa, compression positive."""
     return _tensors(samples, "sigma")
+
+
+def mean_stress(samples: dict[str, np.ndarray]) -> np.ndarray:
+    """Stress tensors (T, 3, 3), Pa, averaged over the steps since the sample before; the first is that of its step."""
+    return np.concatenate([stress(samples)[:1], _tensors(samples, "mean")[1:]])
 
 
 def fabric(samples: dict[str, np.ndarray]) -> np.ndarray:

@@ -21,6 +21,7 @@ from campaign.lammps.product import Product, read_start
 from campaign.lammps.proofs import shear_proofs
 from campaign.lammps.record import along_contacts, check_contacts, history, record
 from campaign.lammps.runner import run_lammps, version
+from campaign.lammps.scene import FORCES, MEANS
 
 #: What a run takes from its start, as YADE's stages do: the packing decides.
 INHERITED = ("N", "sigma_ln", "seed", "mu_iso", "assembly")
@@ -44,7 +45,7 @@ def consolidate(p: SimpleNamespace, folder: Path) -> Product:
     product, log = run_scripts(p, folder, {"in": stages.consolidation(p, GRAINS, mass, dt)}, dt,
                                ("end.contacts", stages.END))  # fmt: skip
     snapshot, _ = read_snapshot(folder, "end", p, G, 0.0, log)
-    product.record = history(read_samples(folder / "samples.txt"), grains.radius)
+    product.record = history(read_samples(folder / "samples.txt", FORCES), grains.radius)
     product.snapshots, product.proofs = [snapshot], proofs(log, "settled")
     product.state, product.exit_reason = (folder / stages.END).read_bytes(), "equilibrium"
     return product
@@ -110,7 +111,7 @@ def shear(p: SimpleNamespace, folder: Path) -> Product:
     wanted = ("samples.txt", "contacts.txt", "end.contacts")
     product, log = run_scripts(p, folder, {"in": script}, dt, wanted)
     first, _ = read_snapshot(folder, "start", p, G, 0.0, log)
-    samples = read_samples(folder / "samples.txt")
+    samples = read_samples(folder / "samples.txt", MEANS)
     if (reached := float(samples["eps_a"][-1])) < p.strain_end:
         raise LammpsError(f"the strain stands still at {reached:.4g} of {p.strain_end:g}")
     lists = along_contacts(contact_lists(folder / "contacts.txt"), first["radius"], p, G)

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from analysis.micromechanics.metrics import sliding_fraction, sphere_volume
-from campaign.lammps.outputs import fabric, stress
+from campaign.lammps.outputs import fabric, mean_stress, stress
 
 #: Symbols of the record without values, and the reason.
 NOT_GIVEN = {"E_friction": "LAMMPS does not count the work of friction; E_residual is what the balance leaves for it"}
@@ -66,12 +66,13 @@ def record(
     out = {symbol: _means(values, window, count) for symbol, values in every.items()}
     step = samples["step"]
     out["servo_mean"] = out.pop("servo")
-    out["servo_max"] = np.maximum.reduceat(np.abs(every["servo"]), np.cumsum(count) - count)
+    single = 0.5 * (samples["sigma_xx"] + samples["sigma_yy"]) / p.sigma_3 - 1.0
+    out["servo_max"] = np.maximum.reduceat(np.abs(single), np.cumsum(count) - count)
     middle = _means(step, window, count)
     mean_f_n, out["f_sliding"] = (np.interp(middle, contacts["step"], contacts[k]) for k in ("mean_f_n", "f_sliding"))
     out["F_unb"] = _means(samples["resultant"], window, count) / mean_f_n
     elastic = np.interp(step, contacts["step"], contacts["E_elastic"])
-    work = _work(samples)
+    work = _work(samples, every["sigma"])
     kinetic = every["E_kinetic"]
     out["E_elastic"], out["W_boundary"] = elastic[last], work[last]
     out["E_damping"] = np.zeros(len(count))
@@ -89,7 +90,7 @@ def _means(values: np.ndarray, window: np.ndarray, count: np.ndarray) -> np.ndar
 
 def _sampled(p: SimpleNamespace, samples: dict, radius: np.ndarray) -> dict[str, np.ndarray]:
     """The sampled quantities (T, ...) of the record."""
-    sigma, N = stress(samples), len(radius)
+    sigma, N = mean_stress(samples), len(radius)
     cell = np.stack([samples[f"length_{a}"] for a in "xyz"], axis=1)
     volume, solid = cell.prod(axis=1), float(sphere_volume(radius).sum())
     pressure = np.trace(sigma, axis1=1, axis2=2) / 3.0
@@ -112,11 +113,12 @@ def _sampled(p: SimpleNamespace, samples: dict, radius: np.ndarray) -> dict[str,
     }
 
 
-def _work(samples: dict) -> np.ndarray:
-    """Boundary work (T,), J, since the first sample: trapezoidal rule on stress and logarithmic strains."""
+def _work(samples: dict, sigma: np.ndarray) -> np.ndarray:
+    """Boundary work (T,), J, since the first sample: mean stress (T, 3, 3) of each interval times its strain."""
     length = np.stack([samples[f"length_{a}"] for a in "xyz"], axis=1)
-    along = np.stack([samples[f"sigma_{a}{a}"] for a in "xyz"], axis=1) * length.prod(axis=1)[:, None]
-    steps = 0.5 * (along[1:] + along[:-1]) * np.diff(np.log(length), axis=0)
+    volume = length.prod(axis=1)
+    along = np.diagonal(sigma, axis1=1, axis2=2)[1:] * 0.5 * (volume[1:] + volume[:-1])[:, None]
+    steps = along * np.diff(np.log(length), axis=0)
     return np.concatenate([[0.0], -np.cumsum(steps.sum(axis=1))])
 
 

@@ -49,6 +49,8 @@ def run_lammps(folder: Path, name: str, ranks: int) -> tuple[str, float]:
         if shutil.which(needed) is None:
             raise MachineError(f"{needed}: no such program on this machine; {INSTALL_LAMMPS}")
     env = {k: v for k, v in os.environ.items() if not k.startswith(_STRIPPED)} | {"OMP_NUM_THREADS": "1"}
+    if ranks == 1:
+        env["OMPI_MCA_ess_singleton_isolated"] = "1"  # Open MPI starts no daemon beside LAMMPS
     # mpirun removes what its ranks share in memory only if it is asked to end; killed, it leaves 4 MiB for each
     end = signal.SIGKILL if ranks == 1 else signal.SIGTERM
     before = _cpu_of_children()

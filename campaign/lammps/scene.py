@@ -27,8 +27,10 @@ DRAG_TIMES = 0.2  # inertial times in which the drag of `coming_to_rest` takes a
 SAMPLES = ("eps_a", "length_x", "length_y", "length_z", "sigma_xx", "sigma_yy", "sigma_zz", "sigma_xy", "sigma_xz",
            "sigma_yz", "Z", "single", "active", "solid", "resultant", "kinetic", "turning", "rate_z",
            "C_xx", "C_yy", "C_zz", "C_xy", "C_xz", "C_yz")  # fmt: skip
-#: One more column where it is asked for: every contact has to be worked out once more for it.
+#: Further columns where they are asked for: the mean normal force, for which every contact is worked out once more, or
+#: the stress averaged over the steps since the last sample (at the first sample it is 0).
 FORCES = ("mean_f_n",)
+MEANS = tuple(f"mean_{axes}" for axes in ("xx", "yy", "zz", "xy", "xz", "yz"))
 #: Columns of a list of contacts: the grains, normal force, magnitude of the tangential force.
 CONTACTS = ("first", "second", "f_n", "f_t")
 #: Columns of the contacts of a snapshot: the grains, the vector from the second to the first, normal force, tangential
@@ -98,8 +100,8 @@ thermo_modify norm no format float %.9g
 thermo 5000"""
 
 
-def samples(period: int, forces: bool) -> str:
-    """Commands that write a line of SAMPLES, and FORCES if asked for, to samples.txt every `period` steps.
+def samples(period: int, further: tuple[str, ...]) -> str:
+    """Commands that write a line of SAMPLES and of FORCES or MEANS to samples.txt every `period` steps.
 
     Kinetic energy is that about the cell's flow.
 
@@ -108,10 +110,13 @@ def samples(period: int, forces: bool) -> str:
     flow = " ".join(f"+(v{a}-v_rate_{a}*({a}-v_middle_{a}))^2" for a in AXES).replace(" ", "").lstrip("+")
     middles = "\n".join(f"variable middle_{a} equal 0.5*({a}lo+{a}hi)" for a in AXES)
     lengths = "\n".join(f"variable length_{a} equal l{a}" for a in AXES)
+    stress = " ".join(f"c_sigma[{k}]" for k in range(1, 7))
+    columns_of = {FORCES: ["c_mean_f_n"], MEANS: [f"f_means[{k}]" for k in range(1, 7)]}
+    averaged = f"fix means all ave/time 1 {period} {period} {stress}\n" if further == MEANS else ""
     columns = " ".join([
-        "v_eps_a", *(f"v_length_{a}" for a in AXES), *(f"c_sigma[{k}]" for k in range(1, 7)), "c_coordination",
+        "v_eps_a", *(f"v_length_{a}" for a in AXES), stress, "c_coordination",
         *(f"c_sums[{k}]" for k in (1, 2, 3)), "c_resultant", "c_sums[4]", "c_turning", "v_rate_z",
-        *(f"c_fabric[{k}]" for k in range(1, 7)), *(["c_mean_f_n"] if forces else []),
+        *(f"c_fabric[{k}]" for k in range(1, 7)), *columns_of[further],
     ])  # fmt: skip
     return f"""variable eps_a equal ln(v_length_0/lz)
 {lengths}
@@ -124,7 +129,7 @@ variable kinetic atom 0.5*mass*({flow})
 compute sums all reduce sum v_single v_active v_solid v_kinetic
 compute turning all erotate/sphere
 compute fabric all fabric radius contact
-fix samples all ave/time {period} 1 {period} {columns} format " %.12g" file samples.txt"""
+{averaged}fix samples all ave/time {period} 1 {period} {columns} format " %.12g" file samples.txt"""
 
 
 def contacts(period: int) -> str:

@@ -29,7 +29,7 @@ MOST_REST_WINDOWS = 60
 #: at 1.2e-5; the other probes of the default campaign ended at 1.3e-6 or less.
 CONSOLIDATION_QUIET, PROBE_QUIET = 1e-3, 1e-6
 #: Samples in a typical window, half as many as in YADE: a window's means change by a tenth of what they differ from one
-#: window to the next.
+#: window to the next.  The stress is averaged over all steps.
 SAMPLES_PER_WINDOW = 10
 CONTACT_SAMPLES, MOST_LISTED = 5, 4e6  # samples between two lists of contacts; grains that all lists may hold
 BLOW_UP = 100.0  # p' over sigma_3 at which a run ends
@@ -81,7 +81,7 @@ timestep {dt:.9g}
 variable goal equal ramp($(v_pressure:%.12g),{p.sigma_3:.12g})
 variable length_0 equal $(lz:%.17g)
 {scene.servo(p, G, dt, goal="v_goal")}
-{scene.samples(2000, forces=True)}
+{scene.samples(2000, scene.FORCES)}
 {scene.run(math.ceil(RAMP_TIMES * time / dt), dt)}
 
 # hold it until equilibrium is proven
@@ -216,7 +216,7 @@ def shear(p: SimpleNamespace, start: Start, restart: str, step: float, strains: 
         "# the grains start with the cell's own motion; sigma_3 is held on x and y", "reset_timestep 0",
         "variable length_0 equal $(lz:%.17g)",
         scene.stream({"z": f"-{rate:.12g}"}), scene.servo(p, G, dt, rate),
-        scene.samples(period, forces=False), scene.contacts(listing),
+        scene.samples(period, scene.MEANS), scene.contacts(listing),
         f"fix blow_up all halt 100 v_pressure > {BLOW_UP * p.sigma_3:.9g} error hard", "", *segments, "",
     ])  # fmt: skip
     return script, dt

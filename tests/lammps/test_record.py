@@ -12,7 +12,7 @@ import snapshots
 from campaign.lammps import outputs, record, scene
 from campaign.lammps.outputs import LammpsError
 from campaign.lammps.proofs import shear_proofs
-from campaign.lammps.scene import SAMPLES
+from campaign.lammps.scene import MEANS, SAMPLES
 
 P = SimpleNamespace(mu_s=0.3, nu=0.2, sigma_3=1e5, d50=0.25e-3, rho=2670.0, N=4)
 
@@ -20,10 +20,11 @@ P = SimpleNamespace(mu_s=0.3, nu=0.2, sigma_3=1e5, d50=0.25e-3, rho=2670.0, N=4)
 def samples(steps: int = 41, end: float = 0.02) -> dict[str, np.ndarray]:
     """A test at constant stress 100, 100, 200 kPa and constant volume in which z shortens by `end`."""
     strain = np.linspace(0.0, end, steps)
-    values = {name: np.zeros(steps) for name in SAMPLES}
+    values = {name: np.zeros(steps) for name in (*SAMPLES, *MEANS)}
     values |= {"eps_a": strain, "length_z": 1e-3 * np.exp(-strain), "Z": np.full(steps, 5.0)}
     values |= {f"length_{a}": 1e-3 * np.exp(0.5 * strain) for a in "xy"}
     values |= {"sigma_xx": np.full(steps, 1e5), "sigma_yy": np.full(steps, 1e5), "sigma_zz": np.full(steps, 2e5)}
+    values |= {f"mean_{axes}": values[f"sigma_{axes}"] * (strain > 0.0) for axes in ("xx", "yy", "zz")}
     values |= {"active": np.full(steps, 4.0), "solid": np.full(steps, 5e-10)}
     values |= {"resultant": np.full(steps, 0.1), "rate_z": np.full(steps, -20.0), "step": 10.0 * np.arange(steps)}
     return values
@@ -133,4 +134,4 @@ def test_files_that_were_cut_off_are_said_to_be_so(tmp_path):
     path = tmp_path / "samples.txt"
     path.write_text(" ".join(["1"] * (len(SAMPLES) + 1)) + "\n1 2 3")
     with pytest.raises(LammpsError, match="samples.txt is not whole"):
-        outputs.read_samples(path)
+        outputs.read_samples(path, ())

@@ -136,7 +136,7 @@ def test_record_and_snapshots_of_a_shear_run_agree(folder):
     assert [label for _, _, label in product.snapshots] == ["start", "strain", "end"]
     assert product.snapshots[1][1] == pytest.approx(0.01, abs=1e-3) and last.eps_a == pytest.approx(0.03, abs=1e-3)
     assert snapshot_metrics(last)["e"] == pytest.approx(product.record["e"][-1], rel=0.01)
-    assert np.abs(product.record["servo_mean"][product.strain > 0.01]).max() < 0.01
+    assert np.abs(product.record["servo_mean"][product.strain > 0.01]).max() < 0.002  # averaged over all steps
 
 
 def test_what_lammps_cannot_give_is_marked_and_no_residual_passes_for_a_balance(folder, tmp_path):
