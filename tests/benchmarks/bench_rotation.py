@@ -16,7 +16,8 @@ rotation_errors.csv: root mean square errors over the true standard deviation, o
 the model (denoised), against the true distribution of the surface; W1 is the mean Wasserstein-1 error.  Design "old":
 100 points with one packing and 4 more at 5 of them, whose offsets are levelled; its denoised columns use the new model.
 rotation_coverage.csv: share of campaigns in which the 95 % interval contains the truth; `_sim` as simulated.
-rotation_pairs.csv: the same if the inputs are fitted to 12 or 30 pairs; 100 campaigns, one sample of pairs each.
+rotation_pairs.csv: the same if the inputs are fitted to 12 or 30 pairs; 100 campaigns, one sample of pairs each.  As in
+a campaign, every resample of the pairs chooses its families again.
 rotation_stopping.csv: the rule with batches of up to 100 points, 100 campaigns: points used, mean claim and error when
 it stops, and share of campaigns whose error is within the claim then (`holds`), and after every batch (`holds_always`).
 rotation.png: error of the mean and W1 against core-hours (costs of data/laptop/tables/runs.csv, three densities).
@@ -45,6 +46,7 @@ import bench_rows  # noqa: E402
 
 from analysis import fit_joint, read_pairs, select_points  # noqa: E402
 from analysis.inputs.joint import bootstrap_joints  # noqa: E402
+from analysis.inputs.refits import Candidates  # noqa: E402
 from analysis.pdem import weighted  # noqa: E402
 from analysis.surrogates import rotation, stopping, surrogate  # noqa: E402
 from analysis.surrogates.distribution import moments_and_quantiles  # noqa: E402
@@ -245,15 +247,16 @@ def pairs() -> None:
     known = bench_rows.finished(path, keys)
     own, shared, uniforms = 0.2, 0.1, qmc.Sobol(2, seed=1).random_base2(8)
     values = np.stack([campaigns(s, "normal", own, shared, 100, 20, seed=5) for s in SURFACES], axis=1)
-    for count in (12, 30):
+    for count in (30, 12):
         if (str(count), list(SURFACES)[-1]) in known:
             continue
         hits = np.zeros((2, len(SURFACES), len(NAMES)))
         for k, rows in enumerate(values[:REPLAYED]):
             rng = np.random.default_rng([6, count, k])
             measured = JOINT.sample(count, rng)
-            fitted = fit_joint(measured, n_boot=0).joint
-            refits = [j.inverse_rosenblatt(uniforms) for j in bootstrap_joints(measured, 100, rng, fitted)]
+            fit = fit_joint(measured, n_boot=0)
+            fitted, families = fit.joint, Candidates.tried(dict(zip("xy", fit.marginals, strict=True)), fit.copulas)
+            refits = [j.inverse_rosenblatt(uniforms) for j in bootstrap_joints(measured, 100, rng, fitted, families)]
             model = surrogate.fit(points(100)[0], rows, packings(100, 20))
             found = moments_and_quantiles(model, fitted.inverse_rosenblatt(uniforms), levels=LEVELS, n=200,
                                           refits=np.stack(refits), pairs=count, rng=rng)  # fmt: skip
