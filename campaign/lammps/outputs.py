@@ -45,6 +45,16 @@ def mean_stress(samples: dict[str, np.ndarray]) -> np.ndarray:
     return np.concatenate([stress(samples)[:1], _tensors(samples, "mean")[1:]])
 
 
+def centred(means: np.ndarray) -> np.ndarray:
+    """Values (T, ...) at the samples from means over the intervals before them; the last is that of its interval.
+
+    The mean over an interval is the value at its middle: alone, it would lag behind the strain by half an interval.
+    """
+    values = means.copy()
+    values[1:-1] = 0.5 * (means[1:-1] + means[2:])
+    return values
+
+
 def fabric(samples: dict[str, np.ndarray]) -> np.ndarray:
     """Fabric tensors (T, 3, 3), the mean of n_i n_j; LAMMPS gives 15/2 times the deviatoric part."""
     return _tensors(samples, "C") * (2.0 / 15.0) + np.eye(3) / 3.0

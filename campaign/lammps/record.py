@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from analysis.micromechanics.metrics import sliding_fraction, sphere_volume
-from campaign.lammps.outputs import fabric, mean_stress, stress
+from campaign.lammps.outputs import centred, fabric, mean_stress, stress
 
 #: Symbols of the record without values, and the reason.
 NOT_GIVEN = {"E_friction": "LAMMPS does not count the work of friction; E_residual is what the balance leaves for it"}
@@ -72,7 +72,7 @@ def record(
     mean_f_n, out["f_sliding"] = (np.interp(middle, contacts["step"], contacts[k]) for k in ("mean_f_n", "f_sliding"))
     out["F_unb"] = _means(samples["resultant"], window, count) / mean_f_n
     elastic = np.interp(step, contacts["step"], contacts["E_elastic"])
-    work = _work(samples, every["sigma"])
+    work = _work(samples, mean_stress(samples))
     kinetic = every["E_kinetic"]
     out["E_elastic"], out["W_boundary"] = elastic[last], work[last]
     out["E_damping"] = np.zeros(len(count))
@@ -90,7 +90,7 @@ def _means(values: np.ndarray, window: np.ndarray, count: np.ndarray) -> np.ndar
 
 def _sampled(p: SimpleNamespace, samples: dict, radius: np.ndarray) -> dict[str, np.ndarray]:
     """The sampled quantities (T, ...) of the record."""
-    sigma, N = mean_stress(samples), len(radius)
+    sigma, N = centred(mean_stress(samples)), len(radius)
     cell = np.stack([samples[f"length_{a}"] for a in "xyz"], axis=1)
     volume, solid = cell.prod(axis=1), float(sphere_volume(radius).sum())
     pressure = np.trace(sigma, axis1=1, axis2=2) / 3.0

@@ -60,6 +60,12 @@ def test_rows_are_means_of_their_windows_and_work_is_that_of_the_boundary():
     assert r["Phi"][0] == pytest.approx(np.eye(3) / 3.0) and r["f_sliding"] == pytest.approx(0.4)
 
 
+def test_the_averaged_stress_does_not_lag_behind_the_strain():
+    strain = np.linspace(0.0, 1.0, 11)
+    means = np.concatenate([[0.0], 0.5 * (strain[1:] + strain[:-1])])  # of a stress that grows with the strain
+    assert outputs.centred(means)[:-1] == pytest.approx(strain[:-1])
+
+
 def test_friction_is_not_given_and_the_residual_is_what_the_balance_leaves():
     r = made()
     assert np.isnan(r["E_friction"]).all() and (r["E_damping"] == 0.0).all()
