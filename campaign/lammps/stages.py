@@ -23,7 +23,7 @@ STEP, DAMPED_STEP = 0.95, 0.9
 TOUCH, COMPRESSION_I, RAMP_TIMES = 0.1, 2e-3, 50.0  # as in yade_scripts/consolidate.py
 #: Time step until the grains touch, over that at sigma_3: contacts that carry TOUCH of it are softer by 0.1^(1/3).
 TOUCHING_STEP = 1.4
-MOST_WINDOWS, CONSOLIDATION_WINDOW, PROBE_WINDOW = 30, 10.0, 5.0  # windows, and their inertial times
+MOST_WINDOWS, CONSOLIDATION_WINDOW, PROBE_WINDOW = 150, 10.0, 5.0  # windows, and their inertial times
 MOST_REST_WINDOWS = 60
 #: Unbalanced force of the state at rest.  A packing that collapsed, because its mu_s is below mu_iso, still lost stress
 #: at 1.2e-5; the other probes of the default campaign ended at 1.3e-6 or less.
