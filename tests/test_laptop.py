@@ -116,7 +116,7 @@ def test_the_results_are_small_and_every_run_has_a_product_or_a_reason():
 
 @needs_laptop
 def test_the_deviatoric_stress_never_falls_at_the_start_of_shear():
-    """In none of the 420 shear runs, and each of them is one that the test would catch if it did.
+    """In none of the shear runs, and each of them is one that the test would catch if it did.
 
     q over sigma_3 follows from eta, since sigma_3 is constant.
     """
@@ -132,7 +132,7 @@ def test_the_deviatoric_stress_never_falls_at_the_start_of_shear():
             for share, caught in ((0.9, False), (1.1, True)):  # the record with such a fall in the first window
                 changed = np.where(np.arange(len(q)) == 1, q[0] - share * of_run[1], q)
                 assert start_of_shear.falls(run.states.eps_a, changed) == caught, run_id
-    assert len(lowest) == 420
+    assert len(lowest) >= 420  # and the runs of a campaign that is not finished
     print(f"lowest q - q at rest: {min(lowest):.3f} sigma_3 in the worst run, {np.median(lowest):.3f} in the median; "
           f"scatter {np.median(scatter):.3f}, at most {max(scatter):.3f}")  # fmt: skip
     assert min(lowest) > 0.0
