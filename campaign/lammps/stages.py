@@ -28,8 +28,8 @@ MOST_REST_WINDOWS = 60
 #: Unbalanced force of the state at rest.  A packing that collapsed, because its mu_s is below mu_iso, still lost stress
 #: at 1.2e-5; the other probes of the default campaign ended at 1.3e-6 or less.
 CONSOLIDATION_QUIET, PROBE_QUIET = 1e-3, 1e-6
-#: Samples in a typical window, half as many as in YADE: a window's means change by a tenth of what they differ from one
-#: window to the next.  The stress is averaged over all steps.
+#: Samples in a typical window, half as many as in YADE: a window's means change by at most a third of their difference
+#: from those of the next window (1,000 spheres).  The stress is averaged over all steps.
 SAMPLES_PER_WINDOW = 10
 CONTACT_SAMPLES, MOST_LISTED = 5, 4e6  # samples between two lists of contacts; grains that all lists may hold
 BLOW_UP = 100.0  # p' over sigma_3 at which a run ends

@@ -247,7 +247,7 @@ def pairs() -> None:
     known = bench_rows.finished(path, keys)
     own, shared, uniforms = 0.2, 0.1, qmc.Sobol(2, seed=1).random_base2(8)
     values = np.stack([campaigns(s, "normal", own, shared, 100, 20, seed=5) for s in SURFACES], axis=1)
-    for count in (30, 12):
+    for count in (12, 30):
         if (str(count), list(SURFACES)[-1]) in known:
             continue
         hits = np.zeros((2, len(SURFACES), len(NAMES)))
