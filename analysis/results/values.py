@@ -23,11 +23,10 @@ class NotReachedError(ResultsError):
 
 
 class Runs(NamedTuple):
-    """What n single runs gave: values (..., n), the packing (n,) of each, and the place (n,) of its point."""
+    """What the runs of the points gave: values (..., Q), NaN where there is none, and the packing (Q,) of each."""
 
     values: np.ndarray
     packing: np.ndarray
-    place: np.ndarray
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from hdf5_files import changed_on_purpose
 from analysis.points import RepresentativePoints
 from analysis.results.build import build_results
 from analysis.results.collect import ResponsesError, collect
-from analysis.results.reader import read_results
+from analysis.results.reader import ResultsError, read_results
 from analysis.runs.run_file import RunFileError
 from analysis.surrogates.rotation import deal
 
@@ -108,15 +108,12 @@ def test_every_point_has_one_packing_the_same_at_every_density(campaign):
         collect(twice, points)
 
 
-def test_results_of_version_3_have_one_packing(campaign, tmp_path):
+def test_results_of_an_earlier_version_are_refused_and_the_message_says_what_to_do(campaign, tmp_path):
     path = shutil.copy(campaign[-1].path, tmp_path / "results.h5")
     with changed_on_purpose(path) as file:
         file.attrs["format_version"] = 3
-        for mu_iso in synthetic.DENSITIES:
-            del file[f"families/coupled/{mu_iso:g}/packing"]
-    results = read_results(path)
-    assert results.packing(0.04).tolist() == [1, 1, 1, 1]
-    assert np.array_equal(results.response("e", 0.1).values, campaign[-1].response("e", 0.1).values)
+    with pytest.raises(ResultsError, match="version 3, want 'campaign-results' version 6; `analyse` on the campaign's"):
+        read_results(path)
 
 
 def test_a_failed_run_stays_as_nan_and_its_probability_goes_to_the_others(small):
