@@ -67,7 +67,7 @@ def analyse(config: Config, folder: Path, rows: Sequence[PlannedRun]) -> tuple[s
         folder,
         plan_frame(folder, rows, spared),
         read_points(folder),
-        _campaign_info(config, folder),
+        campaign_info(config, folder),
         max_lost_probability=config.failures.max_lost_probability,
         pdf_method=config.pdem.method,
         cells=config.pdem.cells,
@@ -264,7 +264,7 @@ def plan_frame(folder: Path, rows: Sequence[PlannedRun], spared: frozenset[str] 
     return frame
 
 
-def _campaign_info(config: Config, folder: Path) -> CampaignInfo:
+def campaign_info(config: Config, folder: Path) -> CampaignInfo:
     """What results.h5 states of the campaign beside its runs."""
     import numpy as np
 

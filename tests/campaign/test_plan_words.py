@@ -17,7 +17,7 @@ from analysis.report import numbers, wording
 from analysis.results.build import CampaignInfo, _write_head
 from campaign.__main__ import main
 from campaign.config import parse_config, read_config
-from campaign.evaluate import _campaign_info
+from campaign.evaluate import campaign_info
 from campaign.prepare import inputs_digest, read_points
 
 #: 32 pairs, two of them gross errors of typing: mu_s = 3.1 in line 23 and G_p = 410 GPa in line 27.
@@ -72,7 +72,7 @@ def test_outliers_are_named_by_line_and_kept_for_the_report(tmp_path, capsys):
     stored = json.loads((tmp_path / "run" / "inputs.json").read_text())["warnings"]
     of_inputs = [line for line in text.splitlines() if re.match("warning: (mu_s|G_p|copula|[0-9]+ of)", line)]
     assert [f"warning: {one}" for one in stored] == of_inputs
-    info = _campaign_info(read_config(tmp_path / "campaign.toml"), tmp_path / "run")
+    info = campaign_info(read_config(tmp_path / "campaign.toml"), tmp_path / "run")
     assert list(info.warnings) == stored
     again = planned(tmp_path, capsys, (tmp_path / "pairs.csv").read_text()).out
     assert again == text.replace("points chosen", "points kept")

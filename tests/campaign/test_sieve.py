@@ -16,7 +16,7 @@ from analysis.points import RepresentativePoints
 from campaign.__main__ import main
 from campaign.cell import check_cell, predicted_hours
 from campaign.config import ConfigError, parse_config
-from campaign.evaluate import _campaign_info
+from campaign.evaluate import campaign_info
 from campaign.files import write_json
 from campaign.plan import make_rows, predicted_cost
 from campaign.prepare import INPUTS
@@ -79,7 +79,7 @@ def test_the_spheres_of_every_packing_have_the_curve(tmp_path):
     assert (small.folder / "assembly_1.h5").stat().st_mtime_ns == before
     write_json(small.folder / "inputs.json", {name: kind() for name, kind in INPUTS.items()} | {"pairs": [[1, 2]]})
     config = parse_config(small.toml.read_text(), small.toml)
-    assert _campaign_info(config, small.folder).settings["assembly"]["sieve_curve"]["size"] == curve.size
+    assert campaign_info(config, small.folder).settings["assembly"]["sieve_curve"]["size"] == curve.size
 
 
 def test_a_curve_that_needs_more_spheres_is_refused_with_their_number_and_cost():
