@@ -61,8 +61,7 @@ def moments_and_quantiles(
 
     refits: for the error of the inputs, either samples (B, m, d) of refitted distributions (common random numbers
     reduce the scatter) or probabilities (B, m) of the same points; pairs: the number of measured pairs behind them.
-    The bootstrap of few pairs is too narrow: the deviations of the refits are multiplied by Student's t over the normal
-    quantile, and by sqrt(n / (n - 1)), with n pairs.
+    `error_of_inputs` says how they are used.
     An interval of a mean or quantile is symmetric about the estimate, that of a standard deviation in its logarithm;
     its half width is the larger distance of the two quantiles of the draws.  The reason is that draws of f on a plateau
     scatter to one side of the estimate only.
@@ -123,11 +122,32 @@ def sampled(
         parts = []
         for k, refit in enumerate(refits):
             at, weights = (basis, weighted.normalised(refit)) if refit.ndim == 1 else (model.basis(refit), equal)
-            parts.append(_statistics(drawn[k % n], at, noise, weights, levels) - found[k % n])
-        of_inputs = np.stack(parts)[np.arange(n) % len(parts)]
-        wide = stats.t.ppf(0.5 + LEVEL / 2, pairs - 1) / stats.norm.ppf(0.5 + LEVEL / 2)
-        of_inputs = wide * np.sqrt(pairs / (pairs - 1)) * (of_inputs - of_inputs.mean(axis=0))
+            parts.append(_statistics(drawn[k % n], at, noise, weights, levels))
+        same = np.arange(len(parts))
+        of_inputs = error_of_inputs(np.stack(parts), found[same % n], pairs)[np.arange(n) % len(parts)]
     return Sampled(centre, found - centre, of_inputs, drawn)
+
+
+def error_of_inputs(refitted: np.ndarray, fitted: np.ndarray, pairs: int) -> np.ndarray:
+    """Deviations (B, ..., S) that stand for the error of statistics whose inputs are fitted to n measured pairs.
+
+    refitted (B, ..., S): mean, logarithm of the standard deviation, then quantiles, with B refits to resamples of the
+    pairs; fitted: the same with the fit itself (broadcast).  The bootstrap of few pairs is too narrow: deviations are
+    multiplied by Student's t over the normal quantile, and by sqrt(n / (n - 1)).  A sample whose 95 % quantile is too
+    low mostly has too little scatter as well, and its own bootstrap then shows too little error of that quantile: the
+    deviation of a quantile is therefore divided by the refit's root mean square distance from this quantile and
+    multiplied by that of the fit (a Studentised bootstrap).
+    """
+    off = refitted - fitted
+    here, there = _distance(fitted), _distance(refitted)
+    off[..., 2:] *= np.divide(here, there, out=np.ones(there.shape), where=there > 0)
+    wide = stats.t.ppf(0.5 + LEVEL / 2, pairs - 1) / stats.norm.ppf(0.5 + LEVEL / 2) * np.sqrt(pairs / (pairs - 1))
+    return wide * (off - off.mean(axis=0))
+
+
+def _distance(statistics: np.ndarray) -> np.ndarray:
+    """Root mean square distance of a distribution from each of its quantiles, from statistics (..., S)."""
+    return np.hypot(statistics[..., 2:] - statistics[..., :1], np.exp(statistics[..., 1:2]))
 
 
 def difference(first: Sampled, second: Sampled, same_inputs: bool) -> tuple[Estimate, Estimate]:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..pdem import weighted
 from ..results.models import curve_model, state_model
 from ..results.reader import Results
 from ..runs import peak_critical
@@ -67,6 +68,23 @@ class Sample:
         error = drawn[:, self.draw] - fitted[:, None]
         shared = np.einsum("dnq,dq->dn", error, self.probability)[..., None]
         return truth[:, None] + shared + self.rough * (error - shared)
+
+    def spread(self, state: str, symbol: str) -> np.ndarray:
+        """Standard deviations (D,) of a quantity over the points, or (D, draws) as the models of draws would find them.
+
+        Without draws it is the root mean square of those of the model's draws: the denoised values, which are the mean
+        of the draws, scatter less than the true ones.  With draws, these deviations scatter about the same value.
+        """
+        _, drawn, _ = self._once(("state", state, symbol), lambda: self._state(state, symbol))
+        best = self._once(("spread", state, symbol), lambda: _rms(self._spreads(drawn)))
+        if self.draw is None:
+            return best
+        found = self._spreads(self.values(state, symbol))
+        return best[:, None] * found / _rms(found)[:, None]
+
+    def _spreads(self, values: np.ndarray) -> np.ndarray:
+        """Standard deviations (D, n) over the points of values (D, n, Q)."""
+        return weighted.std(values, self.probability[:, None])
 
     def curve(self, symbol: str) -> np.ndarray:
         """Mean (D, T) of a response along strain."""
@@ -132,6 +150,11 @@ class Sample:
 
 
 Samples = dict[str, Sample]
+
+
+def _rms(values: np.ndarray) -> np.ndarray:
+    """Root mean square over the last axis."""
+    return np.sqrt(np.mean(values**2, axis=-1))
 
 
 def supposed(fitted: np.ndarray, errors: np.ndarray, probability: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy import special, stats
@@ -35,12 +34,12 @@ def _least(values: Iterable[float]) -> float:
 
 
 def _distances(sample: Sample, state: str, symbol: str, pairs: Sequence[tuple[int, int]]) -> list[np.ndarray]:
-    """Wasserstein distances of pairs of densities over the mean of their two denoised spreads; one per draw."""
+    """Wasserstein distances of pairs of densities over the mean of their two spreads; one per draw."""
     values, probability = sample.state(state, symbol), sample.probability
-    spread = weighted.std(replace(sample, draw=None, scale=None).state(state, symbol), probability)
+    spread = sample.spread(state, symbol)
     return [
         weighted.wasserstein(values[a], values[b], probability[a], probability[b])
-        / (0.5 * (spread[a] + spread[b]) if spread[a] + spread[b] > 0 else np.nan)
+        / np.where(spread[a] + spread[b] > 0, 0.5 * (spread[a] + spread[b]), np.nan)
         for a, b in pairs
     ]
 

@@ -53,7 +53,7 @@ NUMBERS = {
 }
 #: Design, response, numbers, and number of campaigns of each case.
 CASES = [("laptop", "critical eta", ("largest", "ends"), 400), ("default", "critical eta", ("largest", "ends"), 400),
-         ("laptop", "Phi_dev", ("largest",), 200), ("laptop", "e", ("largest",), 200),
+         ("laptop", "Phi_dev", ("largest",), 400), ("laptop", "e", ("largest",), 400),
          ("laptop", "critical eta, spread", ("largest",), 100)]  # fmt: skip
 KEYS = ("design", "response", "number", "distance")
 CRITERIA = {"coincide": ("<=", 0.25), "differ": (">=", 0.5)}

@@ -19,7 +19,6 @@ from pathlib import Path
 
 import numpy as np
 from bench_rows import append, finished
-from scipy import stats
 from scipy.stats import qmc
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -29,6 +28,7 @@ from analysis import copulas  # noqa: E402
 from analysis.inputs.joint import Joint, bootstrap_joints  # noqa: E402
 from analysis.inputs.marginals import FAMILIES, Marginal, fit_all  # noqa: E402
 from analysis.inputs.refits import Candidates  # noqa: E402
+from analysis.surrogates.distribution import error_of_inputs  # noqa: E402
 
 TABLE = ROOT / "data" / "benchmarks" / "input_choice.csv"
 COST = TABLE.with_name("input_choice_cost.csv")
@@ -78,8 +78,8 @@ def coverage(truth: str, n: int) -> list[dict]:
         for i, families in enumerate((None, candidates)):
             refits = bootstrap_joints(pairs, REFITS, np.random.default_rng(k), fitted, families)
             found = np.stack([statistics(one.inverse_rosenblatt(uniforms)) for one in refits])
-            wide = stats.t.ppf(0.975, n - 1) / stats.norm.ppf(0.975) * np.sqrt(n / (n - 1.0))
-            half = wide * np.abs(np.quantile(found - found.mean(axis=0), [0.025, 0.975], axis=0)).max(axis=0)
+            off = error_of_inputs(found, statistics(fitted.inverse_rosenblatt(uniforms)), n)
+            half = np.abs(np.quantile(off, [0.025, 0.975], axis=0)).max(axis=0)
             inside[i, k], widths[i, k] = np.abs(centre - exact) <= half, half
     sd = float(np.exp(exact[1]))
     scale = np.array([sd, 1.0, sd])

@@ -16,7 +16,7 @@ rotation_errors.csv: root mean square errors over the true standard deviation, o
 the model (denoised), against the true distribution of the surface; W1 is the mean Wasserstein-1 error.  Design "old":
 100 points with one packing and 4 more at 5 of them, whose offsets are levelled; its denoised columns use the new model.
 rotation_coverage.csv: share of campaigns in which the 95 % interval contains the truth; `_sim` as simulated.
-rotation_pairs.csv: the same if the inputs are fitted to 12 or 30 pairs; 100 campaigns, one sample of pairs each.  As in
+rotation_pairs.csv: the same if the inputs are fitted to 12 or 30 pairs; 200 campaigns, one sample of pairs each.  As in
 a campaign, every resample of the pairs chooses its families again.
 rotation_stopping.csv: the rule with batches of up to 100 points, 100 campaigns: points used, mean claim and error when
 it stops, and share of campaigns whose error is within the claim then (`holds`), and after every batch (`holds_always`).
@@ -52,7 +52,7 @@ from analysis.surrogates import rotation, stopping, surrogate  # noqa: E402
 from analysis.surrogates.distribution import moments_and_quantiles  # noqa: E402
 
 FOLDER = ROOT / "data" / "benchmarks"
-CAMPAIGNS, FEW, REPLAYED, DENSITIES = 400, 100, 100, 3
+CAMPAIGNS, FEW, REPLAYED, OF_PAIRS, DENSITIES = 400, 100, 100, 200, 3
 JOINT = fit_joint(read_pairs(ROOT / "data" / "pairs_reconstructed.csv"), n_boot=0).joint
 FINE = JOINT.inverse_rosenblatt(qmc.Sobol(2, seed=3).random_base2(12))
 COARSE = JOINT.inverse_rosenblatt(qmc.Sobol(2, seed=1).random_base2(9))
@@ -251,7 +251,7 @@ def pairs() -> None:
         if (str(count), list(SURFACES)[-1]) in known:
             continue
         hits = np.zeros((2, len(SURFACES), len(NAMES)))
-        for k, rows in enumerate(values[:REPLAYED]):
+        for k, rows in enumerate(values[:OF_PAIRS]):
             rng = np.random.default_rng([6, count, k])
             measured = JOINT.sample(count, rng)
             fit = fit_joint(measured, n_boot=0)
@@ -267,8 +267,8 @@ def pairs() -> None:
                 hits[i] += (estimate.low <= true) & (true <= estimate.high)
         for s, surface in enumerate(SURFACES):
             row = {"pairs": count, "surface": surface, "shared": shared, "own": own}
-            row |= dict(zip(NAMES, hits[0, s] / REPLAYED, strict=True))
-            row |= {f"{name}_sim": v for name, v in zip(NAMES, hits[1, s] / REPLAYED, strict=True)}
+            row |= dict(zip(NAMES, hits[0, s] / OF_PAIRS, strict=True))
+            row |= {f"{name}_sim": v for name, v in zip(NAMES, hits[1, s] / OF_PAIRS, strict=True)}
             bench_rows.append(path, columns, row)
 
 
