@@ -150,7 +150,7 @@ class Results(DerivedQuantities, EndsOfTests):
         return np.where(self.filled(mu_iso, family, state), np.nan, values)
 
     def runs_at(self, state: str, symbol: str, mu_iso: float | str, family: str = "coupled") -> Runs:
-        """Values of a quantity at a state in the runs (Q,) of its points, in SI units; NaN where missing or withheld."""
+        """Values (Q,) at a state in the runs of its points, in SI units; NaN where missing or withheld."""
         return Runs(self.measured(state, symbol, mu_iso, family), self.packing(mu_iso, family))
 
     def runs_along(self, symbol: str, mu_iso: float | str, family: str = "coupled") -> Runs:

@@ -4,12 +4,12 @@
     /usr/bin/python3 tests/benchmarks/bench_few_pairs.py --table
 
 400 samples of 12 or 30 values of the paper's lognormal mu_s.  few_pairs.csv: `covers`, and the share of samples in
-which the true quantile lies below or above the interval.  The interval comes from refits
-to resampled values, is widened by Student's t and sqrt(n / (n - 1)), and symmetric about the estimate.  `method`: the true
-family; the family with the smallest AIC, as in a campaign; the family chosen anew for each resample; families drawn
-with their AIC weights; and the last two with intervals that are symmetric in the logarithm.  "scaled": the deviation of
-each refit is scaled by its own scatter, as the tables make their intervals (`analysis.surrogates.distribution`).
-`other_family`: share of the samples for which AIC chooses another family than the true one.
+which the true quantile lies below or above the interval.  The interval comes from refits to resampled values; it is
+widened by Student's t and sqrt(n / (n - 1)), and symmetric about the estimate.  `method`: the true family; the family
+with the smallest AIC; the family chosen anew for each resample; families drawn with their AIC weights; and the last two
+with intervals that are symmetric in the logarithm.  "scaled": the deviation of each refit is scaled by its own scatter;
+"chosen anew, scaled" is what a campaign does (`analysis.surrogates.distribution`).  `other_family`: share of samples
+for which AIC chooses another family than the true one.
 """
 
 from __future__ import annotations

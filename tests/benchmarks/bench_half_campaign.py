@@ -2,13 +2,13 @@
 
     /usr/bin/python3 tests/benchmarks/bench_half_campaign.py        (two minutes, no YADE; --table: only the table)
 
-The half has the points of the packings 1 to 10: 50 of 100 points, which represent the joint distribution as the packings
-are dealt.  It is analysed as a campaign whose other points were spared.  Writes data/benchmarks/half_campaign.csv: for
-every density and quoted state the mean without noise of both campaigns and their 95 % half widths (`_pm`), that part of
-the half widths that comes from the runs (`_runs`; the rest comes from the measured pairs, which both share), and the
-difference of mean, standard deviation, 5 and 95 % quantile over the standard deviation.  `within`: the difference of the
-means is at most 1.96 standard deviations of what it should be, sqrt(pm_runs of the half^2 - pm_runs of all^2), since the
-half is part of the whole.
+The half has the points of the packings 1 to 10: 50 of 100 points, which represent the joint distribution, since the
+packings are dealt so.  It is analysed as a campaign whose other points were spared.  Writes
+data/benchmarks/half_campaign.csv, with a row for every density and quoted state: the mean without noise in both
+campaigns and the half width of its 95 % interval (`_pm`); the part of this half width that the runs have (`_runs`; the
+rest is that of the measured pairs, which both share); and the difference of mean, standard deviation, 5 and 95 %
+quantile over the standard deviation.  `within`: the means differ by at most sqrt(half_runs^2 - whole_runs^2),
+which 95 % of the differences should be, since the half is part of the whole.
 """
 
 from __future__ import annotations
@@ -51,7 +51,8 @@ def main() -> None:
             pd.DataFrame(rows(whole, half)).to_csv(OUT, index=False, float_format="%.4g")
         for name, results in (("whole", whole), ("half", half)):
             runs = results.runs[(results.runs["status"] == "done") & (results.runs["family"] != "G_p")]
-            print(f"{name}: {len(runs)} runs without the second family, {runs['cpu_seconds'].sum() / 3600:.2f} core-hours")
+            hours = runs["cpu_seconds"].sum() / 3600
+            print(f"{name}: {len(runs)} runs without the second family, {hours:.2f} core-hours")
     table = pd.read_csv(OUT)
     print(table.to_string(index=False))
     print(f"half width of the mean from the runs, half over whole: {(table.half_runs / table.whole_runs).median():.2f} "
