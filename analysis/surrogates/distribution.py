@@ -18,6 +18,8 @@ from ..pdem import weighted
 from .surrogate import LEVEL, Draws, Surrogate
 
 QUANTILE_LEVELS = (0.05, 0.5, 0.95)
+#: Most that `error_of_inputs` scales a deviation by: a refit may have next to no scatter.
+MOST_SCALED = 10.0
 #: Values of the noise per sample, one from each of as many equally probable parts of its distribution.
 _STRATA = 4
 
@@ -139,8 +141,9 @@ def error_of_inputs(refitted: np.ndarray, fitted: np.ndarray, pairs: int) -> np.
     multiplied by that of the fit (a Studentised bootstrap).
     """
     off = refitted - fitted
-    here, there = _distance(fitted), _distance(refitted)
-    off[..., 2:] *= np.divide(here, there, out=np.ones(there.shape), where=there > 0)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        scale = _distance(fitted) / _distance(refitted)
+    off[..., 2:] *= np.clip(np.nan_to_num(scale, nan=1.0), 1 / MOST_SCALED, MOST_SCALED)
     wide = stats.t.ppf(0.5 + LEVEL / 2, pairs - 1) / stats.norm.ppf(0.5 + LEVEL / 2) * np.sqrt(pairs / (pairs - 1))
     return wide * (off - off.mean(axis=0))
 

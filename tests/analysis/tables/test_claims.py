@@ -56,6 +56,19 @@ def test_the_peak_distance_is_the_wasserstein_distance_over_the_spread(results, 
     assert row["value"] == pytest.approx(exact, rel=0.02) and row["low"] < exact < row["high"]
 
 
+def test_the_spread_is_that_of_the_draws_about_which_the_draws_scatter():
+    """Denoised values that are shrunk to 0.9 of the true ones, and draws that add what is missing."""
+    rng, x, equal = np.random.default_rng(5), np.linspace(-1.7, 1.7, 100), np.full((1, 100), 0.01)
+    drawn = 0.9 * x + np.sqrt(1 - 0.81) * rng.normal(size=(1, 200, 100)) * x.std()
+    sample = Sample(Known({"probability": equal, ("state", "critical", "eta"): (0.9 * x[None], drawn, None)}),
+                    "coupled", (0.0,))  # fmt: skip
+    best = sample.spread("critical", "eta")
+    assert best == pytest.approx([x.std()], rel=0.01)
+    of_draws = replace(sample, draw=slice(100)).spread("critical", "eta")
+    assert of_draws.shape == (1, 100) and np.mean(of_draws**2) == pytest.approx(best[0] ** 2)
+    assert of_draws.std() == pytest.approx(weighted.std(drawn, equal)[0].std(), rel=0.1)
+
+
 def test_the_coordination_number_has_to_forget_the_density_at_the_peak_too(results, table):
     """In the closed form it does so at the critical state only."""
     w = results.probability(0.04)
