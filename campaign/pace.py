@@ -1,7 +1,7 @@
 """The pace of this machine, from the campaigns that ran on it: with it `plan` states the cost for this machine.
 
-The constants of `campaign.plan` hold for the machine of the laptop campaign; other machines were up to three times as
-fast. `run` leaves the pace of its stages in the campaign's folder; `plan` takes the newest one of the same DEM code in
+The constants of `campaign.plan` hold for the machine of the laptop campaign; other machines took up to twice as long.
+`run` leaves the pace of its stages in the campaign's folder; `plan` takes the newest one of the same DEM code in
 the folders beside.
 """
 

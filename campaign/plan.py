@@ -34,9 +34,9 @@ PROTOCOL = {"consolidate": 4, "probe": 4, "shear": 5}
 LAMMPS_PROTOCOL = {"consolidate": 2, "probe": 2, "shear": 2}
 STAGES = ("consolidate", "probe", "shear")
 
-#: Constants of the cost model, fitted to the sums over the laptop campaign's 855 runs (data/laptop/tables/runs.csv):
+#: Constants of the cost model, fitted to the sums over the laptop campaign's 780 runs (data/laptop/tables/runs.csv):
 #: 1,000 spheres, two runs at once on two cores. The rates are without the start of YADE, which is SECONDS_PER_START.
-PARTICLE_STEPS_PER_CPU_SECOND = {"consolidate": 0.86e6, "probe": 0.445e6, "shear": 0.524e6}
+PARTICLE_STEPS_PER_CPU_SECOND = {"consolidate": 1.40e6, "probe": 0.70e6, "shear": 1.01e6}
 SECONDS_PER_START = 1.5
 #: Steps of a run over (G_p / sigma_3)^(1/3), at the time-step factor STEP_FACTOR and without density scaling. Means of
 #: the same runs: 1,351 per consolidation (2,205 at mu_iso = 0.001, 962 at 0.04, 886 at 0.1), 133 per probe, and per
