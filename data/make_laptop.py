@@ -85,13 +85,14 @@ def fill(folder: Path, target: Path) -> None:
 
 
 def example_runs(results: Results) -> list[str]:
-    """Ids of the runs of the point nearest to the median friction, at the middle density, in the first packing."""
+    """Ids of the chain of runs of the point nearest to the median friction, at the middle density."""
     runs = results.runs
     points = results.family_points()
     point = int(points.id[np.argmin(np.abs(points.mu_s - np.median(points.mu_s)))])
     mu_iso = results.family_densities()[len(results.family_densities()) // 2]
-    first = runs[(runs["mu_iso"] == mu_iso) & (runs["packing"] == runs["packing"].min()) & (runs["status"] == "done")]
-    chain = first[first["point"].isin([point, -1]) & first["family"].isin(["coupled", "shared"])]
+    there = runs[(runs["mu_iso"] == mu_iso) & (runs["status"] == "done") & runs["family"].isin(["coupled", "shared"])]
+    packing = there.loc[there["point"] == point, "packing"].min()
+    chain = there[there["point"].isin([point, -1]) & (there["packing"] == packing)]
     return list(chain.drop_duplicates("stage")["run_id"])
 
 

@@ -46,10 +46,10 @@ def snapshot_metrics(
 
     Examples
     --------
-    >>> path = "data/laptop/example_runs/shear_mu0.212_G20.4_iso0.040_s1_23ddf175.h5"
+    >>> path = "data/laptop/example_runs/shear_mu0.212_G20.4_iso0.040_s6_625b1c34.h5"
     >>> metrics = snapshot_metrics(read_snapshot(path, "end"), mu_s=0.212)
     >>> round(metrics["eta"], 3), round(metrics["Z_m"], 2)
-    (0.58, 4.9)
+    (0.621, 4.96)
     """
     n, ids, radius = s.N, s.contact_ids, s.radius
     count = contact_count(n, ids)

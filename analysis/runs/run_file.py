@@ -87,7 +87,7 @@ def read_run(path: str | Path) -> Run:
 
     Examples
     --------
-    >>> run = read_run("data/laptop/example_runs/shear_mu0.212_G20.4_iso0.040_s1_23ddf175.h5")
+    >>> run = read_run("data/laptop/example_runs/shear_mu0.212_G20.4_iso0.040_s6_625b1c34.h5")
     >>> run.stage, run.parameters["N"]
     ('shear', 1000)
     >>> run.record["sigma"].shape
@@ -154,10 +154,10 @@ def read_snapshot(source: str | Path | Run, k: int | str = -1, check: bool = Tru
 
     Examples
     --------
-    >>> path = "data/laptop/example_runs/shear_mu0.212_G20.4_iso0.040_s1_23ddf175.h5"
+    >>> path = "data/laptop/example_runs/shear_mu0.212_G20.4_iso0.040_s6_625b1c34.h5"
     >>> snapshot = read_snapshot(path, "end")
     >>> snapshot.N, snapshot.contact_ids.shape
-    (1000, (2227, 2))
+    (1000, (2262, 2))
     """
     path = source.path if isinstance(source, Run) else Path(source)
     with open_hdf5(path, RunFileError, "run file") as file:
