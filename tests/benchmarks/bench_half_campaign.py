@@ -29,6 +29,7 @@ from analysis.results.build import build_results  # noqa: E402
 from analysis.results.models import state_moments  # noqa: E402
 from analysis.results.quote import quoted  # noqa: E402
 from analysis.results.reader import Results  # noqa: E402
+from analysis.runs.archive import NAME, Archive, write_archive  # noqa: E402
 from campaign.config import read_config  # noqa: E402
 from campaign.evaluate import INPUT_BOOTSTRAP, campaign_info, plan_frame  # noqa: E402
 from campaign.plan import make_rows  # noqa: E402
@@ -62,11 +63,12 @@ def main() -> None:
 def of_half(folder: Path) -> Results:
     """Results of the half campaign, from the archive."""
     config = read_config(CONFIG)
-    for name in ("runs.h5", "points.csv", "inputs.json"):
+    for name in ("points.csv", "inputs.json"):
         (folder / name).symlink_to(LAPTOP / name)
-    points = read_points(folder)
+    points, archive = read_points(folder), Archive(LAPTOP / NAME)
     rows = [row for row in make_rows(config, points) if row.family != "G_p"]
     spared = frozenset(row.run_id for row in rows if row.packing > HALF)
+    write_archive(folder / NAME, {run_id: archive[run_id] for run_id in archive if run_id not in spared})
     path = build_results(folder, plan_frame(folder, rows, spared), points, campaign_info(config, folder),
                          input_bootstrap=INPUT_BOOTSTRAP)  # fmt: skip
     results = read_results(path)
