@@ -65,7 +65,7 @@ def curve_model(results: Results, symbol: str, mu_iso: float, family: str = "cou
 
 def model_of(results: Results, runs: Runs, family: str = "coupled") -> Surrogate | None:
     """Model of the values of single runs; None with fewer than `fewest_fitted` of them, 5 for two inputs."""
-    inputs = results.family_points(family).x
+    inputs = results.family_points(family).x[runs.place]
     if np.isfinite(runs.values).sum(axis=-1).min() < fewest_fitted(inputs.shape[1]):
         return None
     return surrogate.fit(inputs, runs.values, runs.packing)

@@ -108,7 +108,7 @@ class Results(DerivedQuantities, EndsOfTests):
     def packing(self, mu_iso: float | str, family: str = "coupled") -> np.ndarray:
         """Packing (Q,) of each point at a density: the random seed of its assembly.  All equal: one packing for all."""
         with self._open() as file:
-            return self._group(file, mu_iso, family, "packing")[()]
+            return self._packing(self._group(file, mu_iso, family))
 
     def weights(self, mu_iso: float | str, family: str = "coupled") -> np.ndarray:
         """Former name of `probability`; will be removed in the next version."""
@@ -150,15 +150,18 @@ class Results(DerivedQuantities, EndsOfTests):
         return np.where(self.filled(mu_iso, family, state), np.nan, values)
 
     def runs_at(self, state: str, symbol: str, mu_iso: float | str, family: str = "coupled") -> Runs:
-        """Values (Q,) at a state in the runs of its points, in SI units; NaN where missing or withheld."""
-        return Runs(self.measured(state, symbol, mu_iso, family), self.packing(mu_iso, family))
+        """Values of a quantity at a state in the single runs, in SI units; NaN where missing or withheld."""
+        values = self.measured(state, symbol, mu_iso, family)
+        with self._open() as file:
+            return self._single(file, mu_iso, family, values, f"state_replicates/{state}/{symbol}")
 
     def runs_along(self, symbol: str, mu_iso: float | str, family: str = "coupled") -> Runs:
-        """Values (T, Q) of a response along strain in the runs of its points, in SI units; NaN where missing."""
+        """Values (T, n) of a response along strain in the single runs, in SI units; NaN where missing."""
         filled = self.filled(mu_iso, family)
         with self._open() as file:
             values = self._group(file, mu_iso, family, "responses", symbol)["values"][()]
-        return Runs(np.where(filled, np.nan, values), self.packing(mu_iso, family))
+            values = np.where(filled, np.nan, values)
+            return self._single(file, mu_iso, family, values, f"replicates/{symbol}")
 
     def counts(self, mu_iso: float | str, family: str = "coupled") -> dict[str, Any]:
         """Numbers of shear runs planned, done, failed, spared and extended at a density, and the lost probability."""
@@ -177,7 +180,7 @@ class Results(DerivedQuantities, EndsOfTests):
                 values=values,
                 probability=probability,
                 extended=group["extended"][()],
-                packing=base["packing"][()],
+                packing=self._packing(base),
                 loading=self.loading,
                 pdf=PDF.from_hdf5(group).with_points(values, probability),
             )
@@ -300,6 +303,21 @@ class Results(DerivedQuantities, EndsOfTests):
                 raise ResultsError(f"{self.path}: there is no {name!r} in {group.name}, only {', '.join(group)}")
             group = group[name]
         return group
+
+    def _single(self, file: h5py.File, mu_iso: float | str, family: str, values: np.ndarray, replicates: str) -> Runs:
+        """The points' values as single runs; in files of version 3 the replicates are single runs, too."""
+        group = self._group(file, mu_iso, family)
+        if replicates not in group or not np.isfinite(values).any():
+            return Runs(values, self._packing(group), np.arange(values.shape[-1]))
+        sets = np.moveaxis(group[replicates][()], 0, -2)  # (..., R, Q)
+        packing, place = np.nonzero(np.isfinite(sets).any(axis=tuple(range(sets.ndim - 2))))
+        return Runs(sets[..., packing, place], packing, place)
+
+    def _packing(self, group: h5py.Group) -> np.ndarray:
+        """Packing (Q,) of the points of a density; the campaign's first one in files of version 3."""
+        if "packing" in group:
+            return group["packing"][()]
+        return np.full(len(group["weight"]), int(self.runs["packing"].iloc[0]) if "packing" in self.runs else 1)
 
 
 def _density(density: object) -> str:

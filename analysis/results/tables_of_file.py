@@ -21,8 +21,9 @@ FORMAT, FORMAT_VERSION = "campaign-results", 6
 #: A file has the earliest version that suffices, so that earlier readers can read it: drained compression with mu_s and
 #: G_p as the random variables, or with any variables.
 VERSION_OF_PAIRS, VERSION_OF_INPUTS = 4, 5
-#: Versions that can be read.
-READABLE = (VERSION_OF_PAIRS, VERSION_OF_INPUTS, FORMAT_VERSION)
+#: Versions that can be read.  In version 3 all points have the first packing of the campaign, and the others are
+#: replicates at some points, from which the offset of the first one was estimated and subtracted.
+READABLE = (3, VERSION_OF_PAIRS, VERSION_OF_INPUTS, FORMAT_VERSION)
 #: Columns of the table of runs whose name in the file means another quantity in a product: there `drift_eta` is the
 #: slope over the last 10 % of strain, here the fitted relative change over the critical part.
 RENAMED_RUN_COLUMNS = {f"drift_{symbol}": f"critical_drift_{symbol}" for symbol in ("eta", "e", "p")}
@@ -38,7 +39,7 @@ def read_fields(path: Path, file: h5py.File) -> dict[str, Any]:
     attrs = plain_attributes(file.attrs)
     name, version = (one_line(repr(attrs.get(key))) for key in ("format", "format_version"))
     if name != repr(FORMAT) or version not in map(repr, READABLE):
-        older = version in map(repr, range(1, VERSION_OF_PAIRS)) and name == repr(FORMAT)
+        older = version in map(repr, range(1, READABLE[0])) and name == repr(FORMAT)
         what_to_do = "; `analyse` on the campaign's folder makes the file again" if older else ""
         raise ResultsError(
             f"{path}: format {name} version {version}, want {FORMAT!r} version {FORMAT_VERSION}{what_to_do}"

@@ -23,10 +23,11 @@ class NotReachedError(ResultsError):
 
 
 class Runs(NamedTuple):
-    """What the runs of the points gave: values (..., Q), NaN where there is none, and the packing (Q,) of each."""
+    """What n single runs gave: values (..., n), the packing (n,) of each, and the place (n,) of its point."""
 
     values: np.ndarray
     packing: np.ndarray
+    place: np.ndarray
 
 
 @dataclass(frozen=True)

@@ -136,7 +136,7 @@ def measured_noise() -> None:
     correlations: dict[str, list] = {"own": [], "shared": []}
     for density, mu_iso in zip(DENSITIES, results.family_densities(), strict=True):
         runs = results.runs_along("eta", mu_iso)
-        inputs = results.family_points().x
+        inputs = results.family_points().x[runs.place]
         model = surrogate.fit(inputs, runs.values, runs.packing)
         level = np.maximum(results.response("eta", mu_iso).mean, 1e-9)
         _, packing = np.unique(runs.packing, return_inverse=True)

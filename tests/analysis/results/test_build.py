@@ -108,11 +108,39 @@ def test_every_point_has_one_packing_the_same_at_every_density(campaign):
         collect(twice, points)
 
 
-def test_results_of_an_earlier_version_are_refused_and_the_message_says_what_to_do(campaign, tmp_path):
+def test_results_of_version_3_have_one_packing(campaign, tmp_path):
     path = shutil.copy(campaign[-1].path, tmp_path / "results.h5")
     with changed_on_purpose(path) as file:
         file.attrs["format_version"] = 3
-    with pytest.raises(ResultsError, match="version 3, want 'campaign-results' version 6; `analyse` on the campaign's"):
+        for mu_iso in synthetic.DENSITIES:
+            del file[f"families/coupled/{mu_iso:g}/packing"]
+    results = read_results(path)
+    assert results.packing(0.04).tolist() == [1, 1, 1, 1]
+    assert np.array_equal(results.response("e", 0.1).values, campaign[-1].response("e", 0.1).values)
+
+
+def test_replicates_of_version_3_are_single_runs(campaign, tmp_path):
+    """Two packings at all points, a third one at the last point only."""
+    path = shutil.copy(campaign[-1].path, tmp_path / "results.h5")
+    values = np.array([[0.6, 0.7, 0.8, 0.9], [0.62, 0.72, 0.82, 0.92], [np.nan, np.nan, np.nan, 1.0]])
+    with changed_on_purpose(path) as file:
+        file.attrs["format_version"] = 3
+        group = file["families/coupled/0.04"]
+        strains = group["responses/eta/values"].shape[0]
+        group["state_replicates/critical/eta"] = values
+        group["replicates/eta"] = np.repeat(values[:, None], strains, axis=1)
+    results = read_results(path)
+    for runs in (results.runs_at("critical", "eta", 0.04), results.runs_along("eta", 0.04)):
+        assert runs.values.shape[-1] == 9 and np.ravel(runs.values)[-9:] == pytest.approx(values[np.isfinite(values)])
+        assert runs.packing.tolist() == [0, 0, 0, 0, 1, 1, 1, 1, 2]
+        assert runs.place.tolist() == [0, 1, 2, 3, 0, 1, 2, 3, 3]
+
+
+def test_results_of_an_older_version_are_refused_and_the_message_says_what_to_do(campaign, tmp_path):
+    path = shutil.copy(campaign[-1].path, tmp_path / "results.h5")
+    with changed_on_purpose(path) as file:
+        file.attrs["format_version"] = 2
+    with pytest.raises(ResultsError, match="version 2, want 'campaign-results' version 6; `analyse` on the campaign's"):
         read_results(path)
 
 

@@ -62,7 +62,7 @@ def test_the_interval_covers_what_packings_and_runs_do(campaign, between, own, m
         of_packing = {m: between * rng.normal(size=9)[packing] for m in synthetic.DENSITIES}
         values = {m: x + off + own * rng.normal(size=len(x)) for m, off in of_packing.items()}
         monkeypatch.setattr(Results, "runs_at", lambda _, s, q, m, f="coupled", values=values: Runs(
-            values[m], packing))  # fmt: skip
+            values[m], packing, np.arange(len(x))))  # fmt: skip
         found = friction.along_friction(campaign, "critical", "e", ends)
         covered += [np.abs(value - np.log(ends)) < half for value, half in found.values()]
         found = friction.differences_along(campaign, "critical", "e", ends)
