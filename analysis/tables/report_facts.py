@@ -14,7 +14,7 @@ from . import published
 from .states import initial_state
 
 #: Scatter of the stress ratio of one run of 1,000 spheres, in %; it falls with the root of the number of spheres
-#: (between replicate packings at one point of the laptop campaign).
+#: (noise of packing and run at the critical state of the laptop campaign).
 SCATTER_OF_1000 = 3.0
 
 
