@@ -107,7 +107,7 @@ def test_a_report_has_no_empty_table_and_no_word_of_what_is_not_there(names, n, 
         parts = [name for name in shares if name.startswith(("only_", "shapley_"))]
         assert parts == [f"{kind}_{name}" for kind in ("only", "shapley") for name in names]
         shapley = shares[[f"shapley_{name}" for name in names]].sum(axis=1)
-        assert shapley + shares["noise"] == pytest.approx(np.ones(len(shares)))
+        assert (shapley + shares["noise"]).to_numpy() == pytest.approx(np.ones(len(shares)))
     text = re.sub(r"data:[^\"]*", "", write_report(results, frames, tmp_path).read_text("utf-8"))
     for table in re.findall(r"<table.*?</table>", text, re.DOTALL):
         assert table.count("<tr") > 1, table[:300]
