@@ -23,7 +23,7 @@ JUDGED_FROM, DRIFT_STRAIN = CRITICAL_FROM, 0.15
 #: withheld, since eta and e are both judged; with three at most 5 % (tests/benchmarks/bench_standing.py).
 SHOWN_AT = 3.0
 #: Standard deviation of the drift that all runs of one packing share, over that of a single run's drift: root mean
-#: square over eta and e at the three densities of the laptop campaign (0.19, 0.49, 0.32 and 0.48, 0, 0.13; 20 packings).
+#: square over eta and e at three densities of the laptop campaign (0.19, 0.49, 0.32 and 0.48, 0, 0.13; 20 packings).
 SHARED = 0.3
 
 
