@@ -70,17 +70,19 @@ class Sample:
         return truth[:, None] + shared + self.rough * (error - shared)
 
     def spread(self, state: str, symbol: str) -> np.ndarray:
-        """Standard deviations (D,) of a quantity over the points, or (D, draws) as the models of draws would find them.
+        """Standard deviations (D,) of a quantity over the points, or (D, draws) with draws.
 
         Without draws it is the root mean square of those of the model's draws: the denoised values, which are the mean
-        of the draws, scatter less than the true ones.  With draws, these deviations scatter about the same value.
+        of the draws, scatter less than the true ones.  With a slice of draws it is that of each draw, multiplied so
+        that their root mean square is the same.
         """
         _, drawn, _ = self._once(("state", state, symbol), lambda: self._state(state, symbol))
         best = self._once(("spread", state, symbol), lambda: _rms(self._spreads(drawn)))
         if self.draw is None:
             return best
         found = self._spreads(self.values(state, symbol))
-        return best[:, None] * found / _rms(found)[:, None]
+        whole = _rms(found)[:, None]
+        return best[:, None] * found / np.where(whole > 0, whole, np.nan)
 
     def _spreads(self, values: np.ndarray) -> np.ndarray:
         """Standard deviations (D, n) over the points of values (D, n, Q)."""

@@ -71,11 +71,7 @@ def of_half(folder: Path) -> Results:
     write_archive(folder / NAME, {run_id: archive[run_id] for run_id in archive if run_id not in spared})
     path = build_results(folder, plan_frame(folder, rows, spared), points, campaign_info(config, folder),
                          input_bootstrap=INPUT_BOOTSTRAP)  # fmt: skip
-    results = read_results(path)
-    for mu_iso in results.family_densities():  # the file is deleted afterwards: everything is computed here
-        for state, symbol in quoted(results):
-            state_moments(results, state, symbol, mu_iso)
-    return results
+    return read_results(path)
 
 
 def rows(whole: Results, half: Results) -> list[dict]:
@@ -84,7 +80,7 @@ def rows(whole: Results, half: Results) -> list[dict]:
     for mu_iso in whole.family_densities():
         for state, symbol in quoted(whole):
             both = [state_moments(results, state, symbol, mu_iso) for results in (whole, half)]
-            if None in both:
+            if any(one is None for one in both):
                 continue
             row = {"mu_iso": mu_iso, "state": state, "quantity": symbol}
             (value, pm, runs), (value_half, pm_half, runs_half) = map(numbers, both)
